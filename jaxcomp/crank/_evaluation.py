@@ -99,10 +99,8 @@ def orbit_of_motion(
     if motion.journals is not None:
         drive = journal_drive(known.compressor, loads.forces, state)
         status = orbit_status(grid.rule, drive, motion.journals, status)
-    placed = by_joint(known.compressor, motion.journals)
-    return orbit_on_panels(
-        grid, at, state, motor, loads, account, error, status, report, solver, placed
-    )
+    made = grid, at, state, motor, loads, account, error, status, report
+    return orbit_on_panels(*made, solver, by_joint(known.compressor, motion.journals))
 
 
 def _status(

@@ -317,8 +317,7 @@ def _coupled_jvp(primals, tangents):
 
     def iteration(numbers, motion):
         def cycle_of(here, speed):
-            given = speed, solver.cycle, motion.pace, frozen(cycle)
-            return follow_cycles(here.gas, *_cylinders(here), *given)
+            return follow_cycles(here.gas, *_cylinders(here), speed, motion.pace, frozen(cycle))
 
         made = _iterated(eqx.combine(numbers, rest), solver, motion, cycle_of)
         return eqx.filter(made, eqx.is_inexact_array)

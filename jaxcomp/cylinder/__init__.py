@@ -3,8 +3,8 @@
 from . import interface as interface
 from ._cycle import Cycle as Cycle
 from ._cylinder import Cylinder as Cylinder
-from ._cylinder import DischargeLine as DischargeLine
-from ._cylinder import SuctionLine as SuctionLine
+from ._lines import DischargeLine as DischargeLine
+from ._lines import SuctionLine as SuctionLine
 from ._plenum import Plenum as Plenum
 from ._solve import CycleOptions as CycleOptions
 from ._solve import solve_cycle as solve_cycle

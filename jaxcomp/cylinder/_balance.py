@@ -137,7 +137,6 @@ def rates(
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
-    suction, discharge = case.lines
     before, behind = map(side_of, valve_sides(pair)) if pair else case.lines
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
@@ -155,9 +154,10 @@ def rates(
     transport = _transport(cylinder, gas)
     # the sign of the suction valve's difference, where that is the one to the line
     inward = flags[2] > 0 if cylinder.inert and pair is None else None
-    leak, leak_enthalpy = _leakage(case, inside, suction, inward, transport)
+    leak, leak_enthalpy = _leakage(case, inside, case.lines[0], inward, transport)
     heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
 
+    # the balances of mass and energy, for mass and temperature
     mass, carried = state[0] * case.mass_scale, valves.flow * valves.enthalpy
     mass_1 = (valves.flow[0] - valves.flow[1] - leak) / pace
     gained = carried[0] - carried[1] - leak * leak_enthalpy + heat
@@ -166,27 +166,12 @@ def rates(
     )
     first = jnp.stack([mass_1 / case.mass_scale, energy_1 / (mass * gas.c_v * case.suction.T)])
 
-    # over the angle, in units of mass and energy scale
-    tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
-    worked = volume_1 / case.energy_scale
-    flows, heats = valves.flow * tiny, carried * small
-    back = -jnp.minimum(flows, 0.0)
-    lost = valves.is_open * worked
-    accounts = Accounts(
-        work=inside.p * worked,
-        suction=flows[0],
-        discharge=flows[1],
-        leakage=leak * tiny,
-        suction_back=back[0],
-        discharge_back=back[1],
-        heat=heat * small,
-        suction_heat=heats[0],
-        discharge_heat=heats[1],
-        leakage_heat=leak * leak_enthalpy * small,
-        suction_loss=lost[0] * jnp.maximum(suction.p - inside.p, 0.0),
-        discharge_loss=-lost[1] * jnp.maximum(inside.p - discharge.p, 0.0),
-    )
     slopes = [first, valves.rates.ravel()]
+    # [1/kg] and [1/J] from a flow to its rate over the angle, in units of mass and energy scale
+    tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
+    leaks = leak * tiny, leak * leak_enthalpy * small
+    flows = valves.flow * tiny, carried * small
+    accounts = _accounts(case, inside, valves.is_open, flows, leaks, heat * small, volume_1)
     to_plenums = (jnp.zeros(()),) * 2
     if cylinder.walls is not None:
         to_plenums = cylinder.walls.to_plenums(wall, pair)
@@ -201,6 +186,36 @@ def rates(
         valves.force,
         inside.p,
         jnp.concatenate([through, jnp.stack(to_plenums)]),
+    )
+
+
+def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -> Accounts:
+    """What runs through the cylinder and out of it over the angle, in units of mass and energy scale.
+
+    Args:
+        case: cylinder and lines.
+        inside: the gas in the cylinder.
+        is_open: (2,) 1 where suction and discharge valve are open.
+        flows: of mass (2,) through them, forward, and of the enthalpy that it carries (2,).
+        leaks: of mass past the piston, and of its enthalpy.
+        heat: from the wall.
+        volume_1: [m^3/rad]
+    """
+    (suction, discharge), (masses, heats), worked = case.lines, flows, volume_1 / case.energy_scale
+    back, lost = -jnp.minimum(masses, 0.0), is_open * worked
+    return Accounts(
+        work=inside.p * worked,
+        suction=masses[0],
+        discharge=masses[1],
+        leakage=leaks[0],
+        suction_back=back[0],
+        discharge_back=back[1],
+        heat=heat,
+        suction_heat=heats[0],
+        discharge_heat=heats[1],
+        leakage_heat=leaks[1],
+        suction_loss=lost[0] * jnp.maximum(suction.p - inside.p, 0.0),
+        discharge_loss=-lost[1] * jnp.maximum(inside.p - discharge.p, 0.0),
     )
 
 

@@ -8,23 +8,18 @@ program serves all designs. Newton's method condenses every panel to its ends an
 revolution. Derivatives of any order follow from the implicit function theorem with the same blocks.
 """
 
-from functools import cache, partial
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
-from numpy.polynomial import legendre
 
-from .._core.fields import ANY, NONNEGATIVE, quantity
-from .._core.polynomials import cubic_step, gauss, legendre_columns
+from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
-from ..gas import AbstractGas
 from ._balance import FLAGS, FREE
-from ._cylinder import Case
-from ._march import START, TURN, Record, within_steps
+from ._panels import Mesh, Unknowns, at_points, highest
 from ._system import Cylinders
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
@@ -38,84 +33,12 @@ _LOST = 10.0
 _FAST, _MOST_WITH_ONE = 0.1, 6
 
 
-class Mesh(NamedTuple):
-    """Branches and events of p panels."""
-
-    flags: Int[Array, "p f"]  # branches, six of each cylinder
-    event: Int[Array, " p"]  # at the end, -1 for none
-    code: Int[Array, " p"]  # of the jump there
-    fits: Bool[Array, ""]  # whether there are enough panels for the events
-
-
-class Unknowns(NamedTuple):
-    """A revolution on panels."""
-
-    # states at the s Gauss nodes and at the end, before anything jumps there
-    points: Float[Array, "p s+1 n"]
-    left: Float[Array, "p n"]  # at the beginnings
-    edges: Float[Array, " p+1"]  # [rad]; those without an event do not move
-
-
 class Residual(NamedTuple):
     """What is left of the equations, shaped as the unknowns they determine."""
 
     points: Float[Array, "p s+1 n"]
     ends: Float[Array, "p n"]
     events: Float[Array, " p"]
-
-
-def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
-    """Panels after the steps of a march: at least one between events, more where steps are many."""
-    used = jnp.isfinite(record.angle)
-    happens = used & (record.event >= 0)
-    interval = jnp.cumsum(happens) - happens  # of every step
-    count = jnp.sum(happens) + 1
-    steps = jnp.zeros(panels).at[jnp.where(used, interval, panels)].add(1.0, mode="drop")
-    exists = jnp.arange(panels) < count
-
-    def add(_, share):
-        # an interval of no width wants none
-        return share.at[jnp.argmax(jnp.where(exists, steps / share, -1.0))].add(1)
-
-    spare = panels - jnp.minimum(count, panels)
-    share = lax.fori_loop(0, spare, add, jnp.ones(panels, int))
-    share = jnp.where(exists, share, 0)
-
-    panel = jnp.arange(panels)
-    ends = jnp.cumsum(share)
-    of = jnp.clip(jnp.searchsorted(ends, panel, side="right"), 0, panels - 1)
-    within = panel - (ends - share)[of]
-    first_row = (jnp.cumsum(steps) - steps)[of]
-    place = first_row + steps[of] * within / share[of]
-    row = jnp.clip(place.astype(int), 0, record.angle.size - 1)
-    edges = record.angle[row] + (place - row) * record.width[row]
-    edges = jnp.concatenate([edges, jnp.asarray([START + TURN])])
-    last_row = jnp.clip((first_row + steps[of] - 1).astype(int), 0, record.angle.size - 1)
-    ends_interval = within == share[of] - 1
-    event = jnp.where(ends_interval, record.event[last_row], -1)
-    code = jnp.where(event >= 0, record.code[last_row], 0)
-    mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
-
-    # the last point's row is the panel's own: rows of no width share an angle
-    at = partial(within_steps, record)
-    angle, _ = point_angles(edges, nodes)
-    points = jax.vmap(jax.vmap(at))(angle)
-    ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
-    return mesh, Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
-
-
-def point_angles(edges, nodes: int):
-    """Angles [rad] of the Gauss nodes and the end (p, s + 1), and widths [rad] of the panels (p,)."""
-    width = jnp.diff(edges)
-    places = np.append(gauss(nodes).nodes, 1.0)
-    return edges[:-1, None] + width[:, None] * places, width
-
-
-def at_points(function, mesh: Mesh, z: Unknowns):
-    """A function of angle, state and branches at all points of all panels."""
-    angle, _ = point_angles(z.edges, z.points.shape[1] - 1)
-    along = jax.vmap(function, in_axes=(0, 0, None))
-    return jax.vmap(along)(angle, z.points, mesh.flags)
 
 
 def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Array]:
@@ -370,52 +293,6 @@ def _within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
     return jnp.all(jax.vmap(highest)(beyond) < _PASSED)
 
 
-def resolution(z: Unknowns) -> Float[Array, ""]:
-    """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales."""
-    states = z.points[..., jnp.asarray([0, 1, 2, 5])]
-    wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
-    terms = jnp.abs(jnp.einsum("kj,pjn->pkn", _to_series(states.shape[1])[-2:], states))
-    return jnp.max(jnp.sum(jnp.where(wide, terms, 0.0), axis=1))
-
-
-def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
-    """How far free valves turn, or would turn, beyond seat and stop where that is nearest to nothing.
-
-    Returns:
-        [-] of the stop, suction and discharge valve by seat and stop: positive where the valve touches
-        and its own motion would have turned it so far beyond; negative where it turns so far before.
-        Infinite where nothing turns there, or the force presses on.
-    """
-    angle, width = point_angles(z.edges, z.points.shape[1] - 1)
-    angle = jnp.concatenate([z.edges[:-1, None], angle], axis=1)
-    states = jnp.concatenate([z.left[:, None], z.points], axis=1)
-    pace = case.speed / jax.vmap(jax.vmap(case.speed_at))(angle)
-    gap, wide = jnp.diff(angle, axis=1), jnp.maximum(width, 1e-7)
-    # slope at the end of a panel, from the values at its points
-    count = z.points.shape[1]
-    slope = legendre.legvander([1.0], count - 1)
-    slope = np.array([k * (k + 1) for k in range(count)]) * slope[0] @ _to_series(count)
-    found = []
-    for which in range(2):
-        free = (mesh.flags[:, 3 * which] == FREE) & (width > 1e-7)
-        for place in range(2):
-            # towards the stop, or towards the seat
-            beyond = states[..., 2 + 3 * which] - 1 if place else -states[..., 2 + 3 * which]
-            rate = states[..., 3 + 3 * which] * pace * (1 if place else -1)
-            bend = rate[:, 1:] @ slope / wide
-            touches = free & (mesh.event == 4 * which + place) & (bend < 0)
-            would = rate[:, -1] ** 2 / (2 * jnp.where(touches, -bend, 1.0))
-            turns = free[:, None] & (rate[:, :-1] > 0) & (rate[:, 1:] <= 0)
-            share = rate[:, :-1] / jnp.where(turns, rate[:, :-1] - rate[:, 1:], 1.0)
-            ends = (beyond[:, :-1], beyond[:, 1:]), (rate[:, :-1], rate[:, 1:])
-            does = jnp.minimum(cubic_step(share, gap, *ends), 0.0)
-            both = jnp.concatenate(
-                [jnp.where(touches, would, jnp.inf), jnp.where(turns, does, -jnp.inf).ravel()]
-            )
-            found.append(both[jnp.argmin(jnp.abs(both))])
-    return jnp.stack(found).reshape(2, 2)
-
-
 class Attached(AbstractRoot):
     """The equations of a cycle that was found: their root follows the parameters, to any order."""
 
@@ -432,79 +309,3 @@ class Attached(AbstractRoot):
     def removed(self, unknowns, rest):
         _, blocks, _ = linearise(self.system, self.mesh, unknowns)
         return solve_factors(factorise(blocks), jax.tree.map(jnp.negative, rest))
-
-
-class SolvedPressure(AbstractGas):
-    """The pressure of a solved cycle, by the polynomials of its panels.
-
-    Args:
-        edges: [rad] (p + 1,) of the panels over one revolution; of several cylinders with an axis of
-            these before, as all entries.
-        values: [Pa] (p, s + 1) at the Gauss nodes and at the end of every panel.
-        kinks: [rad] (k,) where the crank begins another panel.
-        back_pressure: [Pa] behind the piston.
-    """
-
-    in_files: ClassVar[bool] = False  # the solver makes it
-
-    edges: Float[Array, "*c p"] = quantity("rad", ANY, shape=(...,))
-    values: Float[Array, "*c p m"] = quantity("Pa", ANY, shape=(...,))
-    kinks: Float[Array, "*c k"] = quantity("rad", ANY, shape=(...,))
-    back_pressure: Float[Array, "*c"] = quantity("Pa", NONNEGATIVE, shape=(...,))
-
-    @property
-    def behind_piston(self):
-        return self.back_pressure if self.edges.ndim == 1 else self.back_pressure[0]
-
-    def event_angles(self):
-        return self.kinks
-
-    def pressure(self, stroke):
-        if self.edges.ndim == 1:
-            return over_panels(self.edges, self.values, stroke.angle)
-        own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
-        return jax.vmap(lambda one, angle: over_panels(one.edges, one.values, angle))(self, own)
-
-
-def over_panels(
-    edges: Float[Array, " p"], values: Float[Array, "p m"], angle: Float[Array, "*n"]
-) -> Float[Array, "*n"]:
-    """The polynomials of panels at crank angles of any revolution.
-
-    Args:
-        edges: [rad] (p + 1,) of one revolution.
-        values: (p, m) at the Gauss nodes and at the end of every panel.
-        angle: [rad]
-    """
-    start, count = edges[0], values.shape[1]
-    angle = start + jnp.mod(angle - start, 2 * jnp.pi)
-    panel = jnp.searchsorted(edges[1:-1], angle, side="right")
-    width = jnp.diff(edges)[panel]
-    x = (angle - edges[panel]) / jnp.where(width > 0, width, 1.0)
-    weights = jnp.moveaxis(legendre_columns(2 * x - 1, count), 0, -1) @ _to_series(count)
-    return jnp.sum(weights * values[panel], axis=-1)
-
-
-def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
-    """Largest value of the polynomials through values at the points of every panel.
-
-    Its place needs no derivative: the slope vanishes there.
-    """
-    fixed = lax.stop_gradient(values)
-    x = np.linspace(0, 1, 8 * values.shape[1] + 1)
-    to_series = _to_series(values.shape[1])
-    samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
-    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    column = jnp.clip(column, 1, x.size - 2)
-    before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
-    bend = before - 2 * here + after
-    shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
-    place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
-    return legendre_columns(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
-
-
-@cache
-def _to_series(count: int) -> np.ndarray:
-    """Legendre coefficients from the values at the points of a panel."""
-    places = np.append(gauss(count - 1).nodes, 1.0)
-    return np.linalg.inv(legendre.legvander(2 * places - 1, count - 1))

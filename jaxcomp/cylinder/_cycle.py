@@ -8,12 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.status import Status
 from ._balance import STATES, Accounts, valve_scales
-from ._collocation import SolvedPressure, over_panels, resolution, turning_margins
 from ._cylinder import Case
+from ._panels import SolvedPressure, over_panels, resolution, turning_margins
 
 VALVES = ("suction", "discharge")
 # [-] of the stop: a valve that reverses as near to it as production tolerances
@@ -189,12 +188,12 @@ class Cycle(Result, eqx.Module):
     @property
     def isentropic_efficiency(self) -> Float[Array, ""]:
         """[-] isentropic work of the mass delivered over the indicated work."""
-        return self.delivered * self.isentropic_rise / _nonzero(self.indicated_work)
+        return self.delivered * self.isentropic_rise / nonzero(self.indicated_work)
 
     @property
     def discharge_enthalpy(self) -> Float[Array, ""]:
         """[J/kg] mean of the gas that is delivered."""
-        return self.totals.discharge_heat / _nonzero(self.delivered)
+        return self.totals.discharge_heat / nonzero(self.delivered)
 
     @property
     def discharge_temperature(self) -> Float[Array, ""]:
@@ -207,14 +206,14 @@ class Cycle(Result, eqx.Module):
     def mass_closure(self) -> Float[Array, ""]:
         """[-] mass that came and did not leave, over that which came."""
         t = self.totals
-        return (t.suction - t.discharge - t.leakage) / _nonzero(t.suction)
+        return (t.suction - t.discharge - t.leakage) / nonzero(t.suction)
 
     @property
     def energy_closure(self) -> Float[Array, ""]:
         """[-] energy that came and did not leave, over the indicated work."""
         t = self.totals
         rest = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
-        return rest / _nonzero(self.indicated_work)
+        return rest / nonzero(self.indicated_work)
 
     @property
     def work_losses(self) -> dict[str, Float[Array, ""]]:
@@ -331,158 +330,7 @@ class Cycle(Result, eqx.Module):
         return {valve: self.events.closing_angle(n) for n, valve in enumerate(VALVES)}
 
 
-def _combined(combine, name: str, doc: str) -> Any:
-    """A property that combines what the cycles of k cylinders have, with their swept volumes."""
-
-    def read(self):
-        each = jax.vmap(lambda cycle: getattr(cycle, name))(self.each)
-        swept = self.each.case.swept
-        return jax.tree.map(lambda x: combine(x, swept), each)
-
-    return property(read, doc=doc)
-
-
-def _sum(values, swept):
-    del swept
-    return jnp.sum(values, axis=0)
-
-
-def _largest(values, swept):
-    del swept
-    return jnp.max(values, axis=0)
-
-
-def _furthest(values, swept):
-    del swept
-    return jnp.max(jnp.abs(values))
-
-
-def _nearest(values, swept):
-    del swept
-    return values[jnp.argmin(jnp.abs(values))]
-
-
-def _mean(values, swept):
-    return jnp.sum(swept / jnp.sum(swept) * values)
-
-
-class SeveralCycles(Result, eqx.Module):
-    """Cycles of k cylinders, each by its own crank angle; flows, powers and losses are their sums.
-
-    Attributes:
-        each: the cycles; every entry with a leading axis of k.
-        together: what was solved of cylinders that share plenums, and where a similar machine may start.
-    """
-
-    each: Cycle
-    together: Any = None
-
-    table_dims: ClassVar[tuple[str, ...]] = ()
-
-    totals = _combined(_sum, "totals", "[kg] and [J] over the revolution, of all.")
-    delivered = _combined(_sum, "delivered", "[kg] a revolution.")
-    mass_flow = _combined(_sum, "mass_flow", "[kg/s] delivered.")
-    capacity = _combined(_sum, "capacity", "[W] cooling capacity.")
-    indicated_work = _combined(_sum, "indicated_work", "[J] put into the gas in a revolution.")
-    indicated_power = _combined(_sum, "indicated_power", "[W]")
-    work_losses = _combined(
-        _sum, "work_losses", "[J] Where the indicated work goes, by name; the values add up to it."
-    )
-    volumetric_efficiency = _combined(
-        _mean,
-        "volumetric_efficiency",
-        "[-] mass delivered over density in the suction line times all swept volumes.",
-    )
-    volume_losses = _combined(
-        _mean, "volume_losses", "[-] Where the swept volume goes, by name; the values add up to 1."
-    )
-    peak_pressure = _combined(_largest, "peak_pressure", "[Pa]")
-    residual = _combined(_largest, "residual", "[-] The largest.")
-    resolution = _combined(_largest, "resolution", "[-] The largest; see `Cycle.resolution`.")
-    mass_closure = _combined(_furthest, "mass_closure", "[-] The largest.")
-    energy_closure = _combined(_furthest, "energy_closure", "[-] The largest.")
-    impact_speeds = _combined(
-        _largest,
-        "impact_speeds",
-        "[m/s] Highest speed at which a valve of any cylinder meets its seat and its stop.",
-    )
-    turning_margins = _combined(
-        _nearest,
-        "turning_margins",
-        "[-] How far a valve of any cylinder turns beyond its seat and its stop, where it grazes most.",
-    )
-    grazes = Cycle.grazes
-
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units."""
-        yield from whole_cycle(self)
-
-    @property
-    def first(self) -> Cycle:
-        """That of the first cylinder."""
-        return jax.tree.map(lambda leaf: leaf[0], self.each)
-
-    @property
-    def case(self) -> Case:
-        """Of the first cylinder; the lines are those of all."""
-        return self.first.case
-
-    @property
-    def status(self) -> Status:
-        """That of the first cycle that did not converge, if any."""
-        found = Status.converged
-        for number in reversed(range(self.each.residual.shape[0])):
-            own = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
-            found = Status.where(own == Status.converged, found, own)
-        return found
-
-    @property
-    def converged(self) -> Bool[Array, ""]:
-        """Whether all can be relied on."""
-        return self.status == Status.converged
-
-    @property
-    def frequency(self) -> Float[Array, ""]:
-        """[1/s] revolutions."""
-        return self.first.frequency
-
-    @property
-    def isentropic_efficiency(self) -> Float[Array, ""]:
-        """[-] isentropic work of the mass delivered over the indicated work."""
-        return self.work_losses["isentropic"] / _nonzero(self.indicated_work)
-
-    @property
-    def discharge_temperature(self) -> Float[Array, ""]:
-        """[K] of the gas delivered, mixed at the pressure of the line."""
-        first = self.first
-        both = (self.totals.discharge_heat, self.delivered)
-        mixed = eqx.tree_at(lambda c: (c.totals.discharge_heat, c.totals.discharge), first, both)
-        return mixed.discharge_temperature
-
-    @property
-    def wall_temperature(self) -> Float[Array, ""] | None:
-        """[K] of the warmest cylinder's wall; `None` without heat transfer."""
-        if self.each.case.cylinder.heat is None:
-            return None
-        return jnp.max(jax.vmap(lambda cycle: cycle.wall_temperature)(self.each))
-
-    @property
-    def closing_angles(self) -> dict[str, Float[Array, ""]]:
-        """[rad] Own crank angle at which each valve of the first cylinder shuts for the last time."""
-        return self.first.closing_angles
-
-    def gas(self) -> SolvedPressure:
-        """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
-        gas = jax.vmap(lambda cycle: cycle.gas())(self.each)
-        if self.together is None:
-            return gas
-        # all have the same edges: each cylinder names some of them
-        count = gas.edges.shape[0]
-        own = [gas.edges[i, 1 + i :: count] for i in range(count)]
-        return replaced(gas, kinks=jnp.stack(own))
-
-
-def _nonzero(value):
+def nonzero(value):
     return value + (value == 0)
 
 

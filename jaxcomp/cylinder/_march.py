@@ -1,9 +1,9 @@
-"""Dormand and Prince's method with located events; one revolution, and revolutions until they repeat.
+"""Dormand and Prince's method with located events.
 
 A step at whose end an event function is negative is not taken: it is repeated, shorter or longer,
 until the function vanishes there; then the state jumps. A step within which a valve turns beyond seat
 or stop is repeated up to there. One attempt a pass of the loop, so samples of
-a batch whose events differ share it. The steps are kept: `_mesh` lays the panels of the collocation
+a batch whose events differ share it. The steps are kept: `lay_mesh` lays the panels of the collocation
 after them. Values only; derivatives come from the collocation.
 """
 
@@ -19,8 +19,6 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.polynomials import cubic_step
-from ._balance import Accounts
-from ._system import Cylinders
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
 _C = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
@@ -35,12 +33,9 @@ _E = _A[6] - np.array(
     [5179 / 57600, 0, 7571 / 16695, 393 / 640, -92097 / 339200, 187 / 2100, 1 / 40]
 )
 
-START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
-TURN = 2 * np.pi
 _CROSSED = -1e-12  # [-] event function below which an event has happened
 _LOCATED = 1e-2  # [-] of the tolerance of a step: event function within which it is located
 _NARROW = 1e-14  # [rad] bracket beyond which rounding rules
-_ACCOUNTS = len(Accounts._fields)
 
 
 class Record(NamedTuple):
@@ -213,7 +208,7 @@ def _beginning(route: _Route, start, state, flags) -> _Carry:
     # the events are not known yet; at first they are only a guess within the bracket of one
     unknown, none = jnp.ones(events.shape), jnp.zeros((), int)
     # one row more than are kept takes what is thrown away
-    record = _empty_record(route.capacity + 1, law.kept, flags.size)
+    record = empty_record(route.capacity + 1, law.kept, flags.size)
     first = jnp.minimum(0.02, law.longest(flags))
     if route.knots:
         first = jnp.minimum(first, _ahead(start, route.stop, route.knots))
@@ -360,7 +355,7 @@ def _ahead(angle, stop, knots: tuple):
     return left
 
 
-def _empty_record(rows: int, states: int, count: int) -> Record:
+def empty_record(rows: int, states: int, count: int) -> Record:
     table, row, flat = jnp.zeros((rows, states)), jnp.zeros(rows), jnp.full(rows, -1)
     flags = jnp.zeros((rows, count), int)
     return Record(jnp.full(rows, jnp.inf), row, table, table, table, table, flags, flat, flat)
@@ -376,120 +371,6 @@ def within_steps(record: Record, angle, row=None):
     t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
     ends = record.begin[row], record.end[row]
     return cubic_step(t, width, ends, (record.begin_rate[row], record.end_rate[row]))
-
-
-class March(NamedTuple):
-    """Revolutions until they repeat."""
-
-    state: Float[Array, " n"]  # at the end of the last of them
-    flags: Int[Array, " f"]  # there
-    totals: Float[Array, "k 12"]  # integrals of the accounts over it
-    whole: Bool[Array, ""]  # whether its end was reached
-    record: Record  # its steps
-    change: Float[Array, ""]  # [-] largest difference between its end and its beginning
-    revolutions: Int[Array, ""]  # how many
-    passes: Int[Array, ""]  # tries of steps in all
-
-
-def march(
-    system: Cylinders, options, tolerance, repeat, state, flags, wanted, max_revolutions
-) -> March:
-    """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
-
-    The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
-    revolution the rest of the series is added at once. Samples of a batch are marched one after
-    another: each has its own number of steps, and together they would all wait for the slowest.
-
-    Args:
-        system: the cylinders.
-        options: `CycleOptions`; how many tries of steps are made and steps kept.
-        tolerance: [-] error of a step, in units of the scales.
-        repeat: [-] change of a revolution at which to stop.
-        state, flags: at the beginning.
-        wanted: whether to march at all.
-        max_revolutions: after which to give up.
-    """
-    arrays, rest = eqx.partition((system, tolerance, repeat, state, flags, wanted), eqx.is_array)
-
-    @jax.custom_batching.sequential_vmap
-    def one(arrays):
-        system, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
-        count = jnp.where(wanted, max_revolutions, 0)
-        turn = partial(_revolve, system, options, tolerance)
-        return _repeated(system, turn, repeat, state, flags, count, options.capacity)
-
-    return one(arrays)
-
-
-class _Revolution(AbstractLaw):
-    """The gas at the motion of a crank; its states are followed by those of the accounts."""
-
-    system: Cylinders
-    kept: int = eqx.field(static=True)
-
-    def rates(self, angle, state, flags):
-        found = self.system.rates(angle, state[: self.kept], flags)
-        slopes = jnp.concatenate([found.state, found.accounts.ravel()])
-        return slopes, found.events, found.force
-
-    def towards(self, state, events):
-        return self.system.towards(state[: self.kept], events)
-
-    def after(self, angle, event, state, flags, force):
-        own = state[: self.kept]
-        code, new_flags = self.system.after(event, own, flags, force)
-        jumped = self.system.jump(event, code, own)
-        return code, state.at[: self.kept].set(jumped), new_flags
-
-    def passed(self, ends, slopes, width, flags, least):
-        ends, slopes = ([one[: self.kept] for one in pair] for pair in (ends, slopes))
-        return self.system.passed(ends, slopes, width, flags, least)
-
-    def longest(self, flags):
-        return self.system.longest(flags)
-
-
-def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
-    """March through one revolution from `START`."""
-    law = _Revolution(system, state.size)
-    begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS * system.count)])
-    span, most = (jnp.asarray(START), START + TURN), (options.max_passes, options.capacity)
-    end = stretch(law, *span, begin, flags, tolerance, *most)
-    own = system.next_revolution(end.state[: law.kept])
-    return end._replace(state=end.state.at[: law.kept].set(own))
-
-
-def _repeated(
-    system: Cylinders, turn, repeat, state, flags, max_revolutions, capacity: int
-) -> March:
-    totals = jnp.zeros((system.count, _ACCOUNTS))
-
-    def going_on(carry):
-        *_, found = carry
-        moving = found.change > repeat
-        return moving & (found.revolutions < max_revolutions) & found.whole
-
-    def advance(carry):
-        state, last_change, found = carry
-        new = turn(state, found.flags)
-        end, sums = new.state[: state.size], new.state[state.size :].reshape(totals.shape)
-        change = end - state
-        share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
-        usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
-        more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
-        next_state = end + more * change
-        # the accelerated state is a guess of mass and temperature; what the valves do is kept
-        gas = system.columns(0, 1)
-        next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
-        size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
-        revolutions = found.revolutions + 1
-        made = March(end, new.flags, sums, new.whole, new.record, size, revolutions, passes)
-        return next_state, change, made
-
-    record = _empty_record(capacity, state.size, flags.size)
-    true, none = jnp.asarray(True), jnp.zeros((), int)
-    begin = March(state, flags, totals, true, record, jnp.asarray(jnp.inf), none, none)
-    return lax.while_loop(going_on, advance, (state, jnp.zeros(state.size), begin))[-1]
 
 
 def _weighted(weights, slopes):

@@ -3,35 +3,28 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from .._core.each import stacked
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
-from .._core.roots import root
 from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import EVENTS, FLAGS, FREE, STATES, Accounts, temperature_and_density, valve_scales
-from ._collocation import (
-    Attached,
-    Mesh,
-    Unknowns,
-    at_points,
-    highest,
-    lay_mesh,
-    newton,
-    point_angles,
-)
-from ._cycle import Cycle, Events, SeveralCycles, values_only
-from ._cylinder import Case, Cylinder, Pace, ports_fit, prepare
-from ._march import START, TURN, march
-from ._plenum import PER_PLENUM, chains
+from ._balance import FLAGS, STATES, Accounts
+from ._collocation import newton
+from ._cycle import Cycle, values_only
+from ._cylinder import Cylinder, Pace, ports_fit, prepare
+from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
+from ._panels import Mesh, Unknowns, lay_mesh
+from ._plenum import PER_PLENUM
+from ._revolutions import START, TURN, march
+from ._several import SeveralCycles
 from ._system import Cylinders
 from .wall_network import OF_WALL
 
@@ -95,20 +88,6 @@ def may_lack_panels(status: Status) -> Bool[Array, ""]:
 
 # Panels up to which those that are too few are doubled.
 _MOST_PANELS = 128
-
-
-class CycleSolution(NamedTuple):
-    """What march and Newton's method found: panels, their start, totals of the march, and counts."""
-
-    mesh: Mesh
-    z: Unknowns
-    marched: Unknowns
-    totals: Float[Array, "k 12"]
-    solved: Bool[Array, ""]
-    residual: Float[Array, ""]
-    steps: Int[Array, ""]
-    revolutions: Int[Array, ""]
-    passes: Int[Array, ""]
 
 
 def solve_cycle(
@@ -191,26 +170,25 @@ def solve_cycles(
 
 
 def follow_cycles(
-    cylinder: Cylinder, mechanisms, phase, speed, options, pace, found: Cycle | SeveralCycles
+    cylinder: Cylinder, mechanisms, phase, speed, pace, found: Cycle | SeveralCycles
 ) -> Cycle | SeveralCycles:
     """Cycles that have been found, with their dependence on the machine; nothing is solved.
 
     Args:
-        cylinder, mechanisms, phase, speed, options, pace: as in `solve_cycles`.
+        cylinder, mechanisms, phase, speed, pace: as in `solve_cycles`.
         found: what it found, by collocation.
     """
 
     def one(mechanism, pace, cycle):
         system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
-        return _result(system, solution_of(cycle), options, False)
+        return cycle_of(system, solution_of(cycle), False)
 
     if isinstance(found, Cycle):
         return one(mechanisms[0], pace, found)
     if found.together is None:
         return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
     system = _together(cylinder, stacked(mechanisms), phase, speed, pace)
-    own = options.of_several(phase.shape[0])
-    return _results(system, solution_of(found), own, False)
+    return cycles_of(system, solution_of(found), False)
 
 
 def over_cylinders(tree, count: int):
@@ -261,13 +239,13 @@ def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pac
 @eqx.filter_jit
 def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
-    return _result(*_found(system, options, start))
+    return cycle_of(*_found(system, options, start))
 
 
 @eqx.filter_jit
 def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, pace, start):
     system = _together(cylinder, mechanisms, phase, speed, pace)
-    return _results(*_found(system, options.of_several(phase.shape[0]), start))
+    return cycles_of(*_found(system, options.of_several(phase.shape[0]), start))
 
 
 def _together(cylinder, mechanisms, phase, speed, pace) -> Cylinders:
@@ -279,14 +257,14 @@ def _together(cylinder, mechanisms, phase, speed, pace) -> Cylinders:
 
 
 def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
-    """What `_result` and `_results` make cycles of."""
+    """What `cycle_of` and `cycles_of` make cycles of."""
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
         arrays, rest = eqx.partition(system, eqx.is_inexact_array)
         system = eqx.combine(values_only(arrays), rest)
     frozen = lax.stop_gradient(system)
     found = _march_only(frozen, options) if marching else _rounds(frozen, options, start)
-    return system, found, options, marching
+    return system, found, marching
 
 
 def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:
@@ -304,77 +282,6 @@ def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
     failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
     return jnp.all(jnp.stack([cycle.status != one for one in failed]))
-
-
-def _result(system: Cylinders, found, options: CycleOptions, marching: bool) -> Cycle:
-    found, points = _followed(system, found, marching)
-    found = found._replace(totals=found.totals[0])
-    points = jax.tree.map(lambda values: values[:, :, 0], points)
-    return _cycle_of(system.shared, found, points, options, marching)
-
-
-def _results(system: Cylinders, found, options, marching: bool) -> SeveralCycles:
-    """The cycle of every cylinder, by its own crank angle."""
-    together, points = _followed(system, found, marching)
-
-    def one(case, phase, number, totals, points, left, accounts, pressure):
-        mesh, z = together.mesh, together.z
-        event = mesh.event - EVENTS * number
-        here = (event >= 0) & (event < EVENTS)
-        flags = lax.dynamic_slice_in_dim(mesh.flags, FLAGS * number, FLAGS, axis=1)
-        mesh = Mesh(flags, jnp.where(here, event, -1), jnp.where(here, mesh.code, 0), mesh.fits)
-        z = Unknowns(points, left, z.edges + phase)
-        own = together._replace(mesh=mesh, z=z, totals=totals)
-        return _from_start(_cycle_of(case, own, (accounts, pressure), options, marching))
-
-    own = (system.of_cylinder(values) for values in together.z[:2])
-    over = (jnp.moveaxis(values, 2, 0) for values in points)
-    numbered = jnp.arange(system.count), together.totals
-    each = jax.vmap(one)(system.cases, system.phase, *numbered, *own, *over)
-    return SeveralCycles(each, together)
-
-
-def _from_start(cycle: Cycle) -> Cycle:
-    """A cycle whose crank angle begins anywhere, from `START`."""
-    angle = START + jnp.mod(cycle.angle - START, TURN)
-    order = jnp.argsort(angle)
-    names = ("weight", "volume", "pressure", "temperature", "mass", "lift", "flow", "port_velocity")
-    events = START + jnp.mod(cycle.events.angle - START, TURN)
-
-    def parts(cycle):
-        more = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
-        return *(getattr(cycle, name) for name in names), *more
-
-    values = (one[..., order] for one in parts(cycle))
-    cycle = eqx.tree_at(lambda c: (c.angle, c.events.angle), cycle, (angle[order], events))
-    return eqx.tree_at(parts, cycle, tuple(values))
-
-
-def _followed(system: Cylinders, found: CycleSolution, marching: bool):
-    """What was found with its dependence on the system; accounts and pressures at all points."""
-    z = found.z if marching else root(Attached(system, found.mesh, found.z))
-    # where Newton's method found nothing, the last march stands
-    z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
-
-    def law(angle, state, flags):
-        at = system.rates(angle, state, flags)
-        return at.accounts, at.pressure
-
-    return found._replace(z=z), at_points(law, found.mesh, z)
-
-
-def _cycle_of(case: Case, found: CycleSolution, points, options, marching: bool) -> Cycle:
-    """The cycle of one cylinder, with its status."""
-    status = Status.where(found.solved, Status.converged, Status.not_converged)
-    status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
-    cycle = _cycle(case, found, points, options, marching)
-    no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
-    status = Status.where(no_flow, Status.no_delivery, status)
-    fluid = case.cylinder.fluid
-    wet = jnp.any(fluid.is_wet(cycle.temperature, cycle.mass / cycle.volume))
-    wet |= fluid.is_wet(case.suction.T, case.suction.rho)
-    status = Status.where((status == Status.converged) & wet, Status.wet, status)
-    return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
 def _march_only(system: Cylinders, options: CycleOptions) -> CycleSolution:
@@ -474,87 +381,3 @@ def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
     totals, solved = jnp.zeros((count, len(Accounts._fields))), jnp.asarray(False)
     return CycleSolution(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
-
-
-def account_scales(case: Case) -> Float[Array, " 12"]:
-    """[kg] or [J] of every account."""
-    mass, energy = case.mass_scale, case.energy_scale
-    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
-    return jnp.stack([mass if name in masses else energy for name in Accounts._fields])
-
-
-def _rise(case: Case, pressure):
-    """[J/kg] of isentropic compression from suction to a pressure, exact at those of the lines."""
-    a = 1 - 1 / case.suction.kappa
-    whole = (case.discharge.p / case.suction.p) ** a - 1
-    share = ((pressure / case.suction.p) ** a - 1) / jnp.where(whole > 1e-9, whole, jnp.inf)
-    return share * (case.isentropic.h - case.suction.h)
-
-
-def _cycle(case: Case, found: CycleSolution, points, options, marching: bool) -> Cycle:
-    """The result in SI units; where only the march stands, its totals replace the quadrature."""
-    (mesh, z), (accounts, pressure) = found[:2], points
-    rule = gauss(options.nodes)
-    angle, width = point_angles(z.edges, options.nodes)
-    weight = width[:, None] * rule.weights
-    totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
-    totals = found.totals if marching else jnp.where(found.solved, totals, found.totals)
-    scales = account_scales(case)
-
-    def flat(values):
-        return values[:, :-1].reshape(-1)
-
-    flows = accounts * scales * case.speed  # over the angle, times the speed: a second
-    scale = [valve_scales(case, which) for which in range(2)]
-    T, rho = jax.vmap(jax.vmap(lambda a, y: temperature_and_density(case, a, y)))(angle, z.points)
-    volume = jax.vmap(jax.vmap(lambda a: case.volume(a)[0]))(angle)
-    free = mesh.flags[:, jnp.asarray([0, 3])] == FREE
-    which, scale_of = mesh.event, jnp.stack([velocity for _, velocity, _ in scale])
-    valve = jnp.clip(which, 0, 7) // 4
-    slot = jnp.where(which >= 0, which % 4, 4)
-    column = jnp.where(valve == 0, 3, 6)
-    speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]
-    moving = jnp.take_along_axis(free, valve[:, None], axis=1)[:, 0]
-    meets, sits = moving & (slot < 2), mesh.code == 1
-    shuts, opens = meets & sits, ~moving & (slot == 0) & sits
-    events = Events(which, z.edges[1:], speed * scale_of[valve], meets, shuts, opens)
-    return Cycle(
-        angle=flat(angle),
-        weight=weight.reshape(-1),
-        volume=flat(volume),
-        pressure=flat(pressure),
-        temperature=flat(T),
-        mass=flat(rho * volume),
-        lift=jnp.stack([flat(z.points[..., 2 + 3 * i]) * scale[i][0] for i in range(2)]),
-        flow=jnp.stack([flat(flows[..., 1 + i]) for i in range(2)]),
-        port_velocity=jnp.stack([flat(z.points[..., 4 + 3 * i]) * scale[i][2] for i in range(2)]),
-        totals=Accounts(*(totals * scales)),
-        events=events,
-        leakage_work=jnp.sum(weight * accounts[:, :-1, 3] * _rise(case, pressure[:, :-1]))
-        * case.mass_scale,
-        peak_pressure=highest(pressure),
-        status=Status.converged,
-        residual=found.residual,
-        iterations=found.steps,
-        revolutions=found.revolutions,
-        passes=found.passes,
-        case=case,
-        solver="march" if marching else "collocation",
-        raw=(mesh, z, pressure),
-        plenum_pressure=_plenum_pressures(case, z.points),
-    )
-
-
-def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
-    """[Pa] At the nodes, (plenums, n); `None` without any."""
-    if not case.cylinder.plenums:
-        return None
-
-    of_plenums = -PER_PLENUM * len(case.cylinder.plenums)
-
-    def at(state):
-        both = chains(case, state[of_plenums:])
-        return jnp.stack([gas.p for chain in both for gas in chain.gases])
-
-    states = points[:, :-1].reshape(-1, points.shape[-1])
-    return jax.vmap(at)(states).T

@@ -12,15 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._balance import (
-    EVENTS,
-    FLAGS,
-    STATES,
-    Rates,
-    in_angle_and_state,
-    initial,
-    rates,
-)
+from ._balance import EVENTS, FLAGS, STATES, Rates, in_angle_and_state, initial, rates
 from ._cylinder import Case
 from ._events import after_event, jump, longest_step, passed, towards
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states

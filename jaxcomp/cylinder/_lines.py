@@ -1,0 +1,167 @@
+"""The lines that a cylinder works between: the gas before its suction and behind its discharge valve."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._core.fields import (
+    NONNEGATIVE,
+    POSITIVE,
+    Part,
+    quantity,
+)
+from ..fluid import AbstractFluid, GasState, RealGas
+from ._heat import SuctionWarming
+from ._plenum import Plenum
+
+
+class SuctionLine(Part):
+    """The gas at the suction valve, by pressure and temperature or by a rating point.
+
+    Args:
+        pressure: [Pa] absolute.
+        temperature: [K] of the gas.
+        evaporating: [K] dew temperature, instead of the pressure.
+        superheat: [K] above the dew temperature, instead of the gas's temperature.
+        heating: [K] from there to the suction valve, in shell and muffler; none if absent. Capacity
+            and overall efficiency count from the gas before it, as the standards do.
+        warming: a law of that rise, which the periodic state closes; `heating` is then where that begins.
+        plenums: between line and valve, in the order of the flow; each with its neck on the side of the
+            line. Without any the valve sees the gas of the line.
+
+    Raises:
+        ValueError: neither or both of a pair.
+    """
+
+    kind: ClassVar[str] = "suction_line"
+
+    pressure: Float[Array, ""] | None = quantity(
+        "Pa", POSITIVE, default=None, doc="absolute", usual=(1e3, 1e8)
+    )
+    temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="of the gas", usual=(150.0, 700.0)
+    )
+    evaporating: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="dew temperature, instead of the pressure"
+    )
+    superheat: Float[Array, ""] | None = quantity(
+        "K", NONNEGATIVE, default=None, doc="above the dew point, instead of the temperature"
+    )
+    heating: Float[Array, ""] | None = quantity(
+        "K", NONNEGATIVE, default=None, doc="from there to the suction valve, in shell and muffler"
+    )
+    warming: SuctionWarming | None = None
+    plenums: tuple[Plenum, ...] = ()
+
+    def __check_init__(self):
+        _one_of(self, "pressure", "evaporating")
+        _one_of(self, "temperature", "superheat")
+
+    def state(self, fluid: AbstractFluid) -> GasState:
+        """The gas at the suction valve."""
+        return self.states(fluid)[0]
+
+    def states(self, fluid: AbstractFluid) -> tuple[GasState, GasState]:
+        """The gas at the suction valve, and as it comes to the compressor."""
+        pressure, dew = _pressure(fluid, self.pressure, self.evaporating, self.superheat)
+        temperature = dew + self.superheat if self.temperature is None else self.temperature
+
+        def at(temperature):
+            return fluid.state(temperature, fluid.density(temperature, pressure))
+
+        comes = at(temperature)
+        return (comes if self.heating is None else at(temperature + self.heating)), comes
+
+
+class DischargeLine(Part):
+    """The gas behind the discharge valve.
+
+    Args:
+        pressure: [Pa] absolute.
+        condensing: [K] dew temperature, instead of the pressure.
+        temperature: [K] of the gas that flows back; that of isentropic compression if absent.
+        subcooling: [K] of the liquid before the expansion below the condensing temperature, for the
+            capacity; none if absent.
+        liquid_temperature: [K] of that liquid, instead of the subcooling.
+        plenums: between valve and line, in the order of the flow; each with its neck on the side of the
+            line. Without any the valve sees the pressure of the line.
+
+    Raises:
+        ValueError: neither or both of pressure and condensing temperature, or two temperatures of the
+            liquid.
+    """
+
+    kind: ClassVar[str] = "discharge_line"
+
+    pressure: Float[Array, ""] | None = quantity(
+        "Pa", POSITIVE, default=None, doc="absolute", usual=(1e3, 1e8)
+    )
+    condensing: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="dew temperature, instead of the pressure"
+    )
+    temperature: Float[Array, ""] | None = quantity(
+        "K",
+        POSITIVE,
+        default=None,
+        doc="of gas that flows back; that of isentropic compression if absent",
+        usual=(150.0, 700.0),
+    )
+    subcooling: Float[Array, ""] | None = quantity(
+        "K", NONNEGATIVE, default=None, doc="of the liquid before the expansion; none if absent"
+    )
+    liquid_temperature: Float[Array, ""] | None = quantity(
+        "K", POSITIVE, default=None, doc="of that liquid, instead of the subcooling"
+    )
+    plenums: tuple[Plenum, ...] = ()
+
+    def __check_init__(self):
+        _one_of(self, "pressure", "condensing")
+        if self.subcooling is not None and self.liquid_temperature is not None:
+            raise ValueError("give `subcooling` or `liquid_temperature`, not both.")
+
+    def liquid_enthalpy(self, fluid: AbstractFluid) -> Float[Array, ""]:
+        """[J/kg] of the saturated liquid at the temperature before the expansion.
+
+        Not a number above the critical point, where there is no liquid.
+
+        Raises:
+            TypeError: a perfect gas, which has no liquid.
+        """
+        if not isinstance(fluid, RealGas):
+            raise TypeError("a cooling capacity needs a real gas.")
+        temperature = self.liquid_temperature
+        if temperature is None:
+            less = 0.0 if self.subcooling is None else self.subcooling
+            if self.condensing is None:
+                temperature = fluid.saturation(p=self.pressure).T - less
+            else:
+                temperature = self.condensing - less
+        is_liquid = temperature < fluid.critical_temperature
+        known = jnp.where(is_liquid, temperature, 0.99 * fluid.critical_temperature)
+        liquid = fluid.saturation(T=known)
+        return jnp.where(is_liquid, fluid.state(liquid.T, liquid.liquid).h, jnp.nan)
+
+    def states(self, fluid: AbstractFluid, suction: GasState) -> tuple[GasState, GasState]:
+        """The gas in the line, and the end of the isentropic compression to its pressure."""
+        pressure, _ = _pressure(fluid, self.pressure, self.condensing)
+        isentropic = fluid.at_entropy(pressure, suction.s, suction)
+        if self.temperature is None:
+            return isentropic, isentropic
+        temperature = self.temperature
+        return fluid.state(temperature, fluid.density(temperature, pressure)), isentropic
+
+
+def _pressure(fluid, pressure, dew, superheat=None):
+    """Pressure and dew temperature; the latter only where it is needed."""
+    if pressure is None or superheat is not None:
+        if not isinstance(fluid, RealGas):
+            raise ValueError("a rating point by dew temperatures needs a real gas.")
+        found = fluid.saturation(p=pressure) if pressure is not None else fluid.saturation(T=dew)
+        return found.p, found.T
+    return pressure, None
+
+
+def _one_of(part: Part, first: str, second: str) -> None:
+    if (getattr(part, first) is None) == (getattr(part, second) is None):
+        raise ValueError(f"`{type(part).__name__}` takes one of `{first}` and `{second}`.")

@@ -1,0 +1,133 @@
+"""Revolutions marched one after the other until they repeat."""
+
+from functools import partial
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from ._balance import Accounts
+from ._march import AbstractLaw, Record, Stretch, empty_record, stretch
+from ._system import Cylinders
+
+START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
+TURN = 2 * np.pi
+_ACCOUNTS = len(Accounts._fields)
+
+
+class March(NamedTuple):
+    """Revolutions until they repeat."""
+
+    state: Float[Array, " n"]  # at the end of the last of them
+    flags: Int[Array, " f"]  # there
+    totals: Float[Array, "k 12"]  # integrals of the accounts over it
+    whole: Bool[Array, ""]  # whether its end was reached
+    record: Record  # its steps
+    change: Float[Array, ""]  # [-] largest difference between its end and its beginning
+    revolutions: Int[Array, ""]  # how many
+    passes: Int[Array, ""]  # tries of steps in all
+
+
+def march(
+    system: Cylinders, options, tolerance, repeat, state, flags, wanted, max_revolutions
+) -> March:
+    """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
+
+    The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
+    revolution the rest of the series is added at once. Samples of a batch are marched one after
+    another: each has its own number of steps, and together they would all wait for the slowest.
+
+    Args:
+        system: the cylinders.
+        options: `CycleOptions`; how many tries of steps are made and steps kept.
+        tolerance: [-] error of a step, in units of the scales.
+        repeat: [-] change of a revolution at which to stop.
+        state, flags: at the beginning.
+        wanted: whether to march at all.
+        max_revolutions: after which to give up.
+    """
+    arrays, rest = eqx.partition((system, tolerance, repeat, state, flags, wanted), eqx.is_array)
+
+    @jax.custom_batching.sequential_vmap
+    def one(arrays):
+        system, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
+        count = jnp.where(wanted, max_revolutions, 0)
+        turn = partial(_revolve, system, options, tolerance)
+        return _repeated(system, turn, repeat, state, flags, count, options.capacity)
+
+    return one(arrays)
+
+
+class _Revolution(AbstractLaw):
+    """The gas at the motion of a crank; its states are followed by those of the accounts."""
+
+    system: Cylinders
+    kept: int = eqx.field(static=True)
+
+    def rates(self, angle, state, flags):
+        found = self.system.rates(angle, state[: self.kept], flags)
+        slopes = jnp.concatenate([found.state, found.accounts.ravel()])
+        return slopes, found.events, found.force
+
+    def towards(self, state, events):
+        return self.system.towards(state[: self.kept], events)
+
+    def after(self, angle, event, state, flags, force):
+        own = state[: self.kept]
+        code, new_flags = self.system.after(event, own, flags, force)
+        jumped = self.system.jump(event, code, own)
+        return code, state.at[: self.kept].set(jumped), new_flags
+
+    def passed(self, ends, slopes, width, flags, least):
+        ends, slopes = ([one[: self.kept] for one in pair] for pair in (ends, slopes))
+        return self.system.passed(ends, slopes, width, flags, least)
+
+    def longest(self, flags):
+        return self.system.longest(flags)
+
+
+def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
+    """March through one revolution from `START`."""
+    law = _Revolution(system, state.size)
+    begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS * system.count)])
+    span, most = (jnp.asarray(START), START + TURN), (options.max_passes, options.capacity)
+    end = stretch(law, *span, begin, flags, tolerance, *most)
+    own = system.next_revolution(end.state[: law.kept])
+    return end._replace(state=end.state.at[: law.kept].set(own))
+
+
+def _repeated(
+    system: Cylinders, turn, repeat, state, flags, max_revolutions, capacity: int
+) -> March:
+    totals = jnp.zeros((system.count, _ACCOUNTS))
+
+    def going_on(carry):
+        *_, found = carry
+        moving = found.change > repeat
+        return moving & (found.revolutions < max_revolutions) & found.whole
+
+    def advance(carry):
+        state, last_change, found = carry
+        new = turn(state, found.flags)
+        end, sums = new.state[: state.size], new.state[state.size :].reshape(totals.shape)
+        change = end - state
+        share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
+        usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
+        more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
+        next_state = end + more * change
+        # the accelerated state is a guess of mass and temperature; what the valves do is kept
+        gas = system.columns(0, 1)
+        next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
+        size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
+        revolutions = found.revolutions + 1
+        made = March(end, new.flags, sums, new.whole, new.record, size, revolutions, passes)
+        return next_state, change, made
+
+    record = empty_record(capacity, state.size, flags.size)
+    true, none = jnp.asarray(True), jnp.zeros((), int)
+    begin = March(state, flags, totals, true, record, jnp.asarray(jnp.inf), none, none)
+    return lax.while_loop(going_on, advance, (state, jnp.zeros(state.size), begin))[-1]

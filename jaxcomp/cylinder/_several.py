@@ -1,0 +1,167 @@
+"""Cycles of several cylinders: sums of flows, powers and losses, and the worst of what else there is."""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from .._core.fields import replaced
+from .._core.results import Data, Result
+from .._core.status import Status
+from ._cycle import Cycle, nonzero, whole_cycle
+from ._cylinder import Case
+from ._panels import SolvedPressure
+
+
+def _combined(combine, name: str, doc: str) -> Any:
+    """A property that combines what the cycles of k cylinders have, with their swept volumes."""
+
+    def read(self):
+        each = jax.vmap(lambda cycle: getattr(cycle, name))(self.each)
+        swept = self.each.case.swept
+        return jax.tree.map(lambda x: combine(x, swept), each)
+
+    return property(read, doc=doc)
+
+
+def _sum(values, swept):
+    del swept
+    return jnp.sum(values, axis=0)
+
+
+def _largest(values, swept):
+    del swept
+    return jnp.max(values, axis=0)
+
+
+def _furthest(values, swept):
+    del swept
+    return jnp.max(jnp.abs(values))
+
+
+def _nearest(values, swept):
+    del swept
+    return values[jnp.argmin(jnp.abs(values))]
+
+
+def _mean(values, swept):
+    return jnp.sum(swept / jnp.sum(swept) * values)
+
+
+class SeveralCycles(Result, eqx.Module):
+    """Cycles of k cylinders, each by its own crank angle; flows, powers and losses are their sums.
+
+    Attributes:
+        each: the cycles; every entry with a leading axis of k.
+        together: what was solved of cylinders that share plenums, and where a similar machine may start.
+    """
+
+    each: Cycle
+    together: Any = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ()
+
+    totals = _combined(_sum, "totals", "[kg] and [J] over the revolution, of all.")
+    delivered = _combined(_sum, "delivered", "[kg] a revolution.")
+    mass_flow = _combined(_sum, "mass_flow", "[kg/s] delivered.")
+    capacity = _combined(_sum, "capacity", "[W] cooling capacity.")
+    indicated_work = _combined(_sum, "indicated_work", "[J] put into the gas in a revolution.")
+    indicated_power = _combined(_sum, "indicated_power", "[W]")
+    work_losses = _combined(
+        _sum, "work_losses", "[J] Where the indicated work goes, by name; the values add up to it."
+    )
+    volumetric_efficiency = _combined(
+        _mean,
+        "volumetric_efficiency",
+        "[-] mass delivered over density in the suction line times all swept volumes.",
+    )
+    volume_losses = _combined(
+        _mean, "volume_losses", "[-] Where the swept volume goes, by name; the values add up to 1."
+    )
+    peak_pressure = _combined(_largest, "peak_pressure", "[Pa]")
+    residual = _combined(_largest, "residual", "[-] The largest.")
+    resolution = _combined(_largest, "resolution", "[-] The largest; see `Cycle.resolution`.")
+    mass_closure = _combined(_furthest, "mass_closure", "[-] The largest.")
+    energy_closure = _combined(_furthest, "energy_closure", "[-] The largest.")
+    impact_speeds = _combined(
+        _largest,
+        "impact_speeds",
+        "[m/s] Highest speed at which a valve of any cylinder meets its seat and its stop.",
+    )
+    turning_margins = _combined(
+        _nearest,
+        "turning_margins",
+        "[-] How far a valve of any cylinder turns beyond its seat and its stop, where it grazes most.",
+    )
+    grazes = Cycle.grazes
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield from whole_cycle(self)
+
+    @property
+    def first(self) -> Cycle:
+        """That of the first cylinder."""
+        return jax.tree.map(lambda leaf: leaf[0], self.each)
+
+    @property
+    def case(self) -> Case:
+        """Of the first cylinder; the lines are those of all."""
+        return self.first.case
+
+    @property
+    def status(self) -> Status:
+        """That of the first cycle that did not converge, if any."""
+        found = Status.converged
+        for number in reversed(range(self.each.residual.shape[0])):
+            own = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
+            found = Status.where(own == Status.converged, found, own)
+        return found
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether all can be relied on."""
+        return self.status == Status.converged
+
+    @property
+    def frequency(self) -> Float[Array, ""]:
+        """[1/s] revolutions."""
+        return self.first.frequency
+
+    @property
+    def isentropic_efficiency(self) -> Float[Array, ""]:
+        """[-] isentropic work of the mass delivered over the indicated work."""
+        return self.work_losses["isentropic"] / nonzero(self.indicated_work)
+
+    @property
+    def discharge_temperature(self) -> Float[Array, ""]:
+        """[K] of the gas delivered, mixed at the pressure of the line."""
+        first = self.first
+        both = (self.totals.discharge_heat, self.delivered)
+        mixed = eqx.tree_at(lambda c: (c.totals.discharge_heat, c.totals.discharge), first, both)
+        return mixed.discharge_temperature
+
+    @property
+    def wall_temperature(self) -> Float[Array, ""] | None:
+        """[K] of the warmest cylinder's wall; `None` without heat transfer."""
+        if self.each.case.cylinder.heat is None:
+            return None
+        return jnp.max(jax.vmap(lambda cycle: cycle.wall_temperature)(self.each))
+
+    @property
+    def closing_angles(self) -> dict[str, Float[Array, ""]]:
+        """[rad] Own crank angle at which each valve of the first cylinder shuts for the last time."""
+        return self.first.closing_angles
+
+    def gas(self) -> SolvedPressure:
+        """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
+        gas = jax.vmap(lambda cycle: cycle.gas())(self.each)
+        if self.together is None:
+            return gas
+        # all have the same edges: each cylinder names some of them
+        count = gas.edges.shape[0]
+        own = [gas.edges[i, 1 + i :: count] for i in range(count)]
+        return replaced(gas, kinks=jnp.stack(own))
