@@ -12,7 +12,7 @@ from .._core.fields import (
     quantity,
 )
 from ..fluid import AbstractFluid, GasState, RealGas
-from ._heat import SuctionWarming
+from .suction_warming import SuctionWarming
 from ._plenum import Plenum
 
 

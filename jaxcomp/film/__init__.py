@@ -2,7 +2,6 @@
 
 from . import interface as interface
 from ._bearing import JournalBearing as JournalBearing
-from ._bearing import minimum_film as minimum_film
 from ._contact import AsperityContact as AsperityContact
 from ._film import AbstractFilm as AbstractFilm
 from ._film import AbstractSolvedFilm as AbstractSolvedFilm
@@ -19,9 +18,10 @@ from ._parts import NamedBearing as NamedBearing
 from ._parts import Oil as Oil
 from ._parts import iso_vg_viscosity as iso_vg_viscosity
 from ._reference import reference_solution as reference_solution
+from ._running import minimum_film as minimum_film
 from ._squeeze import AbstractSqueeze as AbstractSqueeze
 from ._squeeze import OcvirkSqueeze as OcvirkSqueeze
-from ._squeeze import ReynoldsSqueeze as ReynoldsSqueeze
+from ._squeeze_table import ReynoldsSqueeze as ReynoldsSqueeze
 from ._stribeck import StribeckCurve as StribeckCurve
 from ._stribeck import stribeck_curve as stribeck_curve
 from .explicit_fit import ExplicitFit as ExplicitFit

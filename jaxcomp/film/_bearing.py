@@ -10,28 +10,14 @@ from typing import ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, quantity
 from ._contact import LEAST_CLEARANCE, AsperityContact, MixedFilm, MixedSqueeze, RingContact
-from ._film import (
-    REST_SPEED,
-    AbstractCarryingFilm,
-    AbstractFilm,
-    AbstractSolvedFilm,
-    DynamicCoefficients,
-    FilmState,
-    Scalar,
-    as_float,
-    dynamic_coefficients,
-    film_ratio,
-    film_state,
-    smooth_speed,
-    split,
-)
+from ._film import REST_SPEED, AbstractFilm, AbstractSolvedFilm, Scalar, film_ratio, smooth_speed
 from ._parts import AbstractJournal, check_oil, oil_viscosity, within
-from ._squeeze import AbstractSqueeze, OcvirkSqueeze, ReynoldsSqueeze
+from ._squeeze import AbstractSqueeze, OcvirkSqueeze
+from ._squeeze_table import ReynoldsSqueeze
 from .explicit_fit import ExplicitFit
 from .grooved_reynolds import GroovedReynolds
 from .guembel import Guembel
@@ -109,6 +95,7 @@ class JournalBearing(AbstractJournal):
             no land, neither or both of `dynamic_viscosity` and `oil`, two roughnesses, or one of a
             contact that is not far below the clearance.
 
+    >>> from jaxcomp.film import minimum_film
     >>> bearing = JournalBearing(0.040, 0.020, 30e-6, 0.02)
     >>> print(f"{1e6 * minimum_film(bearing, 2000.0, 314.0):.2f} um")  # at 2 kN and 314 rad/s
     8.80 um
@@ -367,135 +354,3 @@ def friction_moment(
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     # Not by a coefficient of friction M/(W R), which has no value without a load.
     return unit * speed * film.friction_number(number)
-
-
-def bush_moment(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
-    """Friction moment on the bush, M - W e sin(phi): the offset forces make the difference.
-
-    Args:
-        bearing: Bearing whose film model gives an attitude angle.
-        load: [N] W.
-        speed: [rad/s] Journal relative to bush.
-        rest_speed: [rad/s] Speed below which the load number is held.
-
-    Returns:
-        [N m] Along the speed; smaller in magnitude than the moment on the journal.
-    """
-    bearing, film = _solved(bearing, speed, rest_speed)
-    state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
-    offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
-    # The attitude angle counts with the rotation, so that the couple W e sin(phi) has its sign.
-    turn = speed / smooth_speed(speed, rest_speed)
-    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
-    return unit * speed * state.friction_number - turn * jnp.abs(load) * offset
-
-
-def eccentricity_ratio(
-    bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
-) -> Scalar:
-    """[-] Eccentricity ratio eps = e/c under a load.
-
-    Args:
-        bearing: Bearing, prepared or not.
-        load: [N] W.
-        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
-        rest_speed: [rad/s] Speed below which the load number is held.
-    """
-    x = _position(bearing, load, speed, rest_speed)
-    return x / (1 + x)
-
-
-def minimum_film(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED) -> Scalar:
-    """[m] Minimum film thickness h_min = c (1 - eps) under a load.
-
-    Once it is of the order of the roughness the film is mixed: none of this holds without a contact.
-
-    Args:
-        bearing: Bearing, prepared or not.
-        load: [N] W.
-        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
-        rest_speed: [rad/s] Speed below which the load number is held.
-    """
-    bearing = prepare(bearing)
-    return bearing.bearing.radial_clearance / (1 + _position(bearing, load, speed, rest_speed))
-
-
-def running_state(
-    bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=REST_SPEED
-) -> FilmState:
-    """Position and friction number under a load.
-
-    Args:
-        bearing: Bearing, prepared or not.
-        load: [N] W.
-        speed: [rad/s] Speed that builds the pressure, see `entrainment_speed`.
-        rest_speed: [rad/s] Speed below which the load number is held.
-    """
-    bearing, film = _solved(bearing, speed, rest_speed)
-    return film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
-
-
-def stiffness_damping(
-    bearing: Bearing,
-    load_vector: Float[Array, " 2"],
-    speed: Scalar,
-    *,
-    rest_speed=REST_SPEED,
-) -> DynamicCoefficients:
-    """Stiffness and damping of the film about its static position, in the axes of the load vector.
-
-    The reaction of the film to a small motion (u, u') of the journal is -K u - C u'. K is not
-    symmetric: do not symmetrise it. At no load the line of maximum film has no direction; the
-    stiffness does not need one, and the damping is given as if the load pointed along X.
-
-    Args:
-        bearing: Bearing whose film model gives an attitude angle.
-        load_vector: [N] Static load on the journal along the fixed axes (X, Y).
-        speed: [rad/s] Journal speed, positive from X to Y.
-        rest_speed: [rad/s] Speed below which the load number is held.
-
-    Returns:
-        `stiffness` [N/m] and `damping` [N s/m], both (2, 2) over (X, Y).
-
-    Raises:
-        ValueError: if the load is not a vector of two, or the film model has no attitude angle.
-    """
-    load_vector = as_float(load_vector)
-    if load_vector.shape != (2,):
-        raise ValueError(f"`load_vector` must have shape (2,), but has shape {load_vector.shape}.")
-    bearing, film = _solved(bearing, speed, rest_speed)
-    load, along = split(load_vector)
-    stiffness, damping = dynamic_coefficients(
-        film, load_number(bearing, load, speed, rest_speed=rest_speed)
-    )
-    # Running the other way is the mirror image: y is 90 degrees ahead with rotation, so that the
-    # entries that couple x and y change sign.
-    pace = smooth_speed(speed, rest_speed)
-    mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
-    axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])
-    unit = film_unit(bearing) / bearing.radial_clearance
-    return DynamicCoefficients(
-        unit * pace * (axes @ (mirror * stiffness) @ axes.T),
-        unit * (axes @ (mirror * damping) @ axes.T),
-    )
-
-
-def _position(bearing, load, speed, rest_speed) -> Scalar:
-    film = film_at(bearing, speed, rest_speed)
-    bearing, _ = prepare(bearing)
-    if not isinstance(film, AbstractCarryingFilm):
-        raise ValueError(
-            f"The film model {type(film).__name__} gives no position of the journal; take "
-            "`Reynolds`, `GroovedReynolds`, `Guembel`, `Ocvirk` or `ExplicitFit`."
-        )
-    return film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
-
-
-def _solved(bearing, speed, rest_speed) -> tuple[JournalBearing, AbstractSolvedFilm]:
-    film = film_at(bearing, speed, rest_speed)
-    if not isinstance(film, AbstractSolvedFilm):
-        raise ValueError(
-            f"The film model {type(film).__name__} gives no attitude angle and no dynamic "
-            "coefficients; take `Reynolds`, `GroovedReynolds`, `Guembel` or `Ocvirk`."
-        )
-    return prepare(bearing).bearing, film

@@ -10,14 +10,12 @@ from jaxtyping import Array, Float
 from .._core.results import Result, reading
 from ._bearing import (
     JournalBearing,
-    bush_moment,
     contact_moment,
     film_at,
     friction_moment,
     load_number,
     prepare,
     ring_contact,
-    stiffness_damping,
 )
 from ._film import (
     AbstractCarryingFilm,
@@ -28,6 +26,7 @@ from ._film import (
     stability_threshold,
 )
 from ._reference import reference_solution
+from ._running import bush_moment, stiffness_damping
 from .grooved_reynolds import GroovedReynolds
 from .guembel import Guembel
 from .ocvirk import Ocvirk

@@ -1,9 +1,7 @@
 """What packages that are built on this one take from it, and users need not."""
 
 from ._bearing import PreparedBearing as PreparedBearing
-from ._bearing import bush_moment as bush_moment
 from ._bearing import contact_moment as contact_moment
-from ._bearing import eccentricity_ratio as eccentricity_ratio
 from ._bearing import entrainment_speed as entrainment_speed
 from ._bearing import film_unit as film_unit
 from ._bearing import friction_moment as friction_moment
@@ -11,9 +9,7 @@ from ._bearing import load_number as load_number
 from ._bearing import moving_film as moving_film
 from ._bearing import prepare as prepare
 from ._bearing import ring_contact as ring_contact
-from ._bearing import running_state as running_state
 from ._bearing import squeeze_of as squeeze_of
-from ._bearing import stiffness_damping as stiffness_damping
 from ._contact import MixedFilm as MixedFilm
 from ._contact import MixedSqueeze as MixedSqueeze
 from ._contact import RingContact as RingContact
@@ -35,5 +31,9 @@ from ._parts import oil_viscosity as oil_viscosity
 from ._placed import PlacedJournal as PlacedJournal
 from ._placed import shear_drag as shear_drag
 from ._reference import FilmSolution as FilmSolution
+from ._running import bush_moment as bush_moment
+from ._running import eccentricity_ratio as eccentricity_ratio
+from ._running import running_state as running_state
+from ._running import stiffness_damping as stiffness_damping
 from ._squeeze import quarter_turn as quarter_turn
 from ._squeeze import slopes_along as slopes_along

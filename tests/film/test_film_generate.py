@@ -6,6 +6,7 @@ import pytest
 from tools import film_tables as generate
 
 from jaxcomp.film import GroovedReynolds, Reynolds, reference_solution
+from jaxcomp.film import _finite_volumes as volumes
 from jaxcomp.film import _reference as reference
 from jaxcomp.film.interface import coefficients_per_load, load_number_at
 
@@ -19,9 +20,9 @@ def test_shear_over_the_journal_gives_the_friction_number():
     eps, q = 0.6, 0.8
     sums = []
     for n_theta, n_zeta in reference.GRIDS[1:3]:
-        grid = reference.film_grid(eps, q, n_theta, n_zeta)
+        grid = volumes.film_grid(eps, q, n_theta, n_zeta)
         film = np.broadcast_to((grid.theta < np.pi)[:, None], grid.shape)
-        pressure, _ = reference.solve_pressure(grid, film)
+        pressure, _ = volumes.solve_pressure(grid, film)
         width = (grid.weights / grid.theta_slope[:, None])[0] * n_theta / (2 * np.pi)
         mean = np.concatenate([[0.0], pressure @ width, [0.0]]) * eps
         theta = np.concatenate([[0.0], grid.theta, [2 * np.pi]])
@@ -30,7 +31,7 @@ def test_shear_over_the_journal_gives_the_friction_number():
         poiseuille = 0.5 * np.sum(middle / 2 * np.diff(mean))
         bush_less = 0.5 * np.sum(-middle / 2 * np.diff(mean))
         couette = np.pi / np.sqrt(1 - eps**2)
-        tangential = reference.pressure_forces(grid, pressure)[1] * eps
+        tangential = volumes.pressure_forces(grid, pressure)[1] * eps
         sums.append([couette + poiseuille, couette + bush_less, tangential])
     journal, bush, tangential = (4 * np.array(sums[1]) - sums[0]) / 3
     # extrapolated from 120 and 240 cells: 1e-4 of F_t

@@ -8,6 +8,7 @@ import pytest
 from film.test_film import film_forces
 
 from jaxcomp.film import Guembel, Ocvirk, dynamic_coefficients, reference_solution
+from jaxcomp.film import _finite_volumes as volumes
 from jaxcomp.film import _reference as reference
 from jaxcomp.film._reference import GRIDS
 from jaxcomp.film.interface import load_number_at
@@ -148,11 +149,11 @@ def test_linear_response_is_the_slope_of_the_forces(eps, q, grooved, monkeypatch
     # noise of the film's edge, 1e-6, over the step
     np.testing.assert_allclose(slopes[0], weights @ chords, rtol=3e-4)
 
-    wedge, slow = reference._wedge, 0.05 * math.sqrt(1 - eps)
+    wedge, slow = volumes._wedge, 0.05 * math.sqrt(1 - eps)
     turned = []
     for turn in slow * np.array([-2, -1, 1, 2]):
         monkeypatch.setattr(
-            reference,
+            volumes,
             "_wedge",
             lambda g, t=turn: wedge(g) - 6 * t * np.cos(g.theta)[:, None] * g.weights,
         )
@@ -166,10 +167,10 @@ def test_film_ends_within_a_cell():
     """The flow that the first dry cell takes up shows where the film ends: no staircase."""
     eps, q, ends = 0.5, 1.0, []
     for cells in ((60, 8), (120, 16), (240, 32)):
-        grid = reference.film_grid(eps, q, *cells)
+        grid = volumes.film_grid(eps, q, *cells)
         film = np.broadcast_to((np.sin(grid.theta) > 0)[:, None], grid.shape)
-        p, film = reference.solve_pressure(grid, film)
-        ends.append(reference.film_end(grid, p, film)[0] / cells[0])
+        p, film = volumes.solve_pressure(grid, film)
+        ends.append(volumes.film_end(grid, p, film)[0] / cells[0])
     # on the mid-plane, of the ring: a cell is 4e-3 on the finest grid
     assert abs(ends[1] - ends[0]) < 2e-3
     assert abs(ends[2] - ends[1]) < 5e-4

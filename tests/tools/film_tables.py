@@ -16,6 +16,7 @@ import numpy as np
 
 from jaxcomp import film as films
 from jaxcomp.film import GroovedReynolds, Reynolds
+from jaxcomp.film import _finite_volumes as volumes
 from jaxcomp.film import _reference as reference
 from jaxcomp.film._film import film_ratio, friction_at
 from jaxcomp.film._reference import GRIDS
@@ -77,7 +78,7 @@ def groove_contact(q: float, grids=((120, 8), (240, 16))) -> float:
         eps = 0.5 * (low + high)
         phi = reference.groove_attitude(eps, q, grids)
         (grid, p, film), _ = reference._fields(eps, q, reference.pads(phi), grids, False)[-1]
-        if reference.film_end(grid, p, film)[0] > grid.shape[0] + 1 - 1e-9:
+        if volumes.film_end(grid, p, film)[0] > grid.shape[0] + 1 - 1e-9:
             low = eps
         else:
             high = eps

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from jaxcomp import film as films
-from jaxcomp.film._squeeze import TABLE, TABLE_RANGE, film_corner, peak_unit, resistance_unit
+from jaxcomp.film._squeeze_table import TABLE, TABLE_RANGE, film_corner, peak_unit, resistance_unit
 
 GRIDS = ((120, 8), (240, 16), (480, 32))  # cells round the ring, cells over half the length
 LENGTH_RATIOS = 12  # Chebyshev points in ln q
