@@ -21,7 +21,7 @@ from ..cylinder import Cycle
 from ..cylinder.interface import SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
-from ._panels import highest, panels
+from ._panels import highest
 
 
 class Energy(eqx.Module):
@@ -190,9 +190,16 @@ class Orbit(Result, eqx.Module):
 
     def speed_at(self, angle: Float[Array, " q"]) -> Float[Array, " q"]:
         """[rad/s] of the crank at angles [rad], by the polynomial of the panel that they are on."""
-        grid = panels(self.panel_edges, self.panel_nodes)
-        at = grid.edges[0] + jnp.mod(angle - grid.edges[0], 2 * jnp.pi)
-        return grid.interpolate(grid.by_panels(self.state.speed), at)
+        x = self.state.angle.reshape(-1, self.panel_nodes)
+        y = self.state.speed.reshape(x.shape)
+        start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
+        at = start + jnp.mod(angle - start, 2 * jnp.pi)
+        panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
+        own = jnp.eye(self.panel_nodes, dtype=bool)
+        # Lagrange's form, for its derivatives along the angle: factors over all nodes but the value's own
+        over = jnp.where(own, 1.0, (at[:, None] - x[panel])[:, None, :])
+        apart = jnp.where(own, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
+        return jnp.sum(y[panel] * jnp.prod(over / apart, axis=-1), axis=-1)
 
     @property
     def converged(self) -> Bool[Array, ""]:

@@ -2,5 +2,5 @@
 
 from ._bearings import MainBearings as MainBearings
 from ._crankshaft import Crankshaft as Crankshaft
-from ._crankshaft import Throw as Throw
 from ._crankshaft import counterweights as counterweights
+from ._throws import Throw as Throw

@@ -11,7 +11,6 @@ each with a bearing of its own on the pin; fork-and-blade and articulated rods a
 machine with one cylinder has one throw with one bank, both at angle 0 unless it says otherwise.
 """
 
-import re
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -36,9 +35,8 @@ from ..film import AbstractJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 from ..mechanism.interface import turned_with
 from ._bearings import MainBearings
+from ._throws import Throw, rod_places, throws_of
 
-# Throws of a layout, and rods of a star.
-_MOST = 64
 # [rad] Between the crank angles of cylinders that would see the same one: fifty times the
 # rounding of an angle, it changes sums over the cylinders that vanish by less than 1e-12 of one of them.
 _APART = 5e-14
@@ -54,31 +52,6 @@ OF_ROTOR = (
     "rod_pitch",
     "places",
 )
-
-
-class Throw(Part):
-    """One throw of the crankshaft with the rods on its pin.
-
-    Args:
-        angle: [rad] of the pin, ahead of the first throw in the sense of rotation.
-        position: [m] middle of the pin along the shaft.
-        banks: [rad] (n,) direction of each cylinder's axis, in the order of the rods along the shaft.
-        rod_pitch: [m] between neighbouring rods along the shaft.
-        unbalance: [kg m] of the crank at this throw without rods, positive at the pin's side; that
-            of a counterweight is negative.
-    """
-
-    kind: ClassVar[str] = "throw"
-
-    banks: Float[Array, " n"] = quantity("rad", ANY, shape=(None,))
-    angle: Float[Array, ""] = quantity("rad", ANY, default=0.0)
-    position: Float[Array, ""] = quantity("m", ANY, default=0.0)
-    rod_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
-    unbalance: Float[Array, ""] = quantity("kg m", ANY, default=0.0)
-
-    def __check_init__(self):
-        if not self.banks.size:
-            raise BadInput("banks", "[]", "at least one bank angle")
 
 
 class Crankshaft(Part):
@@ -151,7 +124,7 @@ class Crankshaft(Part):
 
     def __check_init__(self):
         if self.layout is not None:
-            _layout(self.layout)
+            throws_of(self.layout)
         if self.throws:
             if self.layout is not None:
                 raise BadInput("throws", f"{len(self.throws)} throws", "absent beside a layout")
@@ -167,7 +140,7 @@ class Crankshaft(Part):
         """The throws, given or of the layout."""
         if self.throws:
             return self.throws
-        made = _layout(self.layout or "single")
+        made = throws_of(self.layout or "single")
         middle = 0.5 * (len(made) - 1)
         return tuple(
             replaced(
@@ -184,7 +157,7 @@ class Crankshaft(Part):
         """Number of cylinders; also where the numbers are only shapes."""
         if self.throws:
             return sum(throw.banks.size for throw in self.throws)
-        return sum(len(banks) for _, banks in _layout(self.layout or "single"))
+        return sum(len(banks) for _, banks in throws_of(self.layout or "single"))
 
     def each(self, part, like):
         """A part whose lists over the cylinders go with instants like these."""
@@ -212,7 +185,7 @@ class Crankshaft(Part):
         """[m] z of every rod."""
         if self.places is not None:
             return self.places
-        return jnp.concatenate([t.position + t.rod_pitch * _places(t) for t in self.rows])
+        return jnp.concatenate([t.position + t.rod_pitch * rod_places(t) for t in self.rows])
 
     @property
     def phase(self) -> Float[Array, " k"]:
@@ -373,46 +346,3 @@ def counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> Cran
 def _counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> list[Float[Array, ""]]:
     each = jnp.broadcast_to(-mechanism.half_balance, (crankshaft.count,))
     return list(crankshaft.of_throws(each))
-
-
-def _layout(name: str) -> list[tuple[float, list[float]]]:
-    """Angle of each throw and banks on it [deg] of a layout by name.
-
-    Raises:
-        BadInput: a name that stands for none.
-    """
-    text, times = re.sub(r"[ _-]", "", name.lower()), 1
-    found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
-    flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
-    if found and float(found[2]) * {"w": 2, "vv": 3}.get(found[1], 1) < 360:
-        kind, spacing, times = found[1], float(found[2]), int(found[3] or 1)
-        count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
-        banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
-    elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
-        kind, count, times = flat[1], int(flat[2] or 2), int(flat[3] or 1)
-        if kind == "radial":
-            times = times if 1 <= count <= _MOST else 0
-            banks = [[i * 360 / count for i in range(min(count, _MOST))]]
-        elif kind == "opposed":
-            banks = [[0.0, 180.0]]
-        else:
-            times *= {"single": 1}.get(kind, count)
-            banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
-    else:
-        times, banks = 0, [[0.0]]
-    if times < 1 or times > _MOST:
-        known = (
-            '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
-        )
-        raise BadInput("layout", name, f"a layout such as {known}")
-    half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
-    angles = [i * 360 / half for i in range(half)]
-    # An in-line crank that is its own mirror image leaves no couple of any order.
-    angles += angles[::-1] if half < times else []
-    return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
-
-
-def _places(throw: Throw) -> np.ndarray:
-    """Places of the rods about the middle of the pin, in pitches."""
-    count = throw.banks.size
-    return np.arange(count) - 0.5 * (count - 1)

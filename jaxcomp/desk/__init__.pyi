@@ -1,2 +1,2 @@
-from ._page import page as page
-from ._page import serve as serve
+from ._serve import page as page
+from ._serve import serve as serve

@@ -11,21 +11,15 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.results import Result, reading
+from ._blocks import lu_factor, lu_solve
 from ._conventions import add, from_planes, take, to_planes
-from ._damped import (
-    DampedModes,
-    _damped,
-    check_request,
-    damped_modes,
-    on_cpu,
-    system_matrices,
-)
-from ._elimination import lu_factor, lu_solve
+from ._damped import DampedModes, _damped, check_request, damped_modes, on_cpu, system_matrices
 from ._layout import layout_of
 from ._model import RotorModel
+from ._operator import apply, operator_at
 from ._pencil import definite_pencil
 from ._prepare import prepare
-from ._system import System, apply, marked, operator_at, undamped
+from ._system import System, marked, undamped
 
 
 def campbell(
@@ -211,13 +205,8 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
     b = jnp.asarray(np.random.default_rng(1).normal(size=shapes.shape[1])) + 0j
 
     def product(numbers, growth, spin, x, transpose=False):
-        """P x element by element: P is the dynamic stiffness at the frequency n W - i a."""
         whole = eqx.combine(numbers, rest)
-        if not damping:
-            whole = undamped(whole)
-        z = operator_at(whole, spin, order * spin - 1j * growth)
-        z = z if damping else z._replace(damping=jnp.zeros_like(z.damping))
-        return on_active(whole, x, lambda x: apply(z, x, transpose=transpose))
+        return _stiffness_times(whole, growth, spin, x, order, damping, transpose)
 
     def vectors(growth, spin, x, y):
         # A trace off the root, so that P can be factorised even where the speed is exact.
@@ -267,6 +256,15 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
 
     starts = (begin, begin_growth, jnp.asarray(shapes) / jnp.linalg.norm(shapes, axis=1)[:, None])
     return CriticalSpeeds(*jax.lax.map(lambda a: one(*a), starts))
+
+
+def _stiffness_times(system, growth, spin, x, order, damping, transpose):
+    """P x element by element: P is the dynamic stiffness at the frequency n W - i a."""
+    if not damping:
+        system = undamped(system)
+    z = operator_at(system, spin, order * spin - 1j * growth)
+    z = z if damping else z._replace(damping=jnp.zeros_like(z.damping))
+    return on_active(system, x, lambda x: apply(z, x, transpose=transpose))
 
 
 def _synchronous(system, count, order, near):

@@ -28,10 +28,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
+from ._blocks import inverse, lu_factor, lu_solve, minus, product, product_t, times, times_t
 from ._conventions import add, take, whirl
 from ._layout import Layout
+from ._operator import Operator
 from ._places import TURNED, at_speed
-from ._system import Operator
 
 _DIAGONAL, _NEXT, _LEFT = slice(0, 3), slice(3, 7), slice(7, 11)  # of a segment's blocks
 _PIVOT, _AHEAD, _BACK, _ON_LEFT = slice(0, 3), slice(3, 7), slice(7, 11), slice(11, 14)
@@ -152,7 +153,7 @@ def _eliminate(layout, places, more):
         # Pivots of 2 x 2 blocks without exchanges of rows, which would widen the band; what digits
         # that costs the refinement in `_solve` brings back.
         pivot = inverse((a - q[0], bb - q[1], d - q[3]))
-        fill = _minus(e, product_t(w, fill))
+        fill = minus(e, product_t(w, fill))
         back = product(pivot, fill)
         own = product_t(fill, back)
         # The only sum that N = 0 at an opening does not start afresh.
@@ -223,7 +224,7 @@ def _forward(layout, factor, r):
     def step(carry, here):
         before, left = carry
         now, blocks, inside = here
-        now = jnp.stack(_minus(now, times_t(blocks[_AHEAD], before)))
+        now = jnp.stack(minus(now, times_t(blocks[_AHEAD], before)))
         left = inside * left + jnp.stack(times_t(blocks[_BACK], now))
         return (now, left), (now, left)
 
@@ -239,7 +240,7 @@ def _backward(layout, factor, r, y):
     far = take(ground, layout.ends[1]).swapaxes(0, 1)
     blocks = jnp.moveaxis(factor.segment, 1, 0)
     a, b, d = blocks[_PIVOT]
-    own = _minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], left))
+    own = minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], left))
     end = jnp.stack(times(factor.last.swapaxes(0, 1), far), 1)  # (s, 2, components)
     rows = layout.last[0] * c + layout.last[1]
     own = add(jnp.stack(own, 2).reshape(m * c, 2, -1), rows, -end).reshape(m, c, 2, -1)
@@ -247,7 +248,7 @@ def _backward(layout, factor, r, y):
     def step(carry, here):
         following, w_following = carry
         now, w = here
-        now = jnp.stack(_minus(now, times(w_following, following)))
+        now = jnp.stack(minus(now, times(w_following, following)))
         return (now, w), now
 
     # W of an opening is zero as well, so that nothing leaks into the segment before it.
@@ -284,38 +285,6 @@ def _solve_border(layout, factor, g, transpose):
         order = np.argsort(np.concatenate([free, keep]))
         out.append(take(jnp.concatenate([rest, own], 1).T, order))
     return jnp.concatenate(out, 1).reshape(b, 2, -1)
-
-
-def lu_factor(a: Array) -> tuple[Array, Array]:
-    """LU factors of matrices (..., n, n) and the permutation of their rows.
-
-    That of `jax.scipy` keeps the exchanges, which every solution would turn into the permutation
-    again.
-    """
-    lu, _, rows = jax.lax.linalg.lu(a)
-    return lu, rows
-
-
-def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
-    """Solve for right-hand sides (..., n, k), complex ones of a real matrix as well."""
-    lu, rows = factor
-    if not b.size:
-        return b
-    if jnp.iscomplexobj(b) and not jnp.iscomplexobj(lu):
-        k = b.shape[-1]
-        # Side by side as real columns, which spares the factors a complex copy.
-        parts = lu_solve(factor, jnp.concatenate([b.real, b.imag], -1), transpose)
-        return parts[..., :k] + 1j * parts[..., k:]
-
-    def by(b, **which) -> Array:
-        options = {"left_side": True, "transpose_a": transpose, **which}
-        return jnp.asarray(jax.lax.linalg.triangular_solve(lu, b, **options))
-
-    if not transpose:
-        b = jnp.take_along_axis(b, rows[..., None], -2, mode="promise_in_bounds")
-        return by(by(b, lower=True, unit_diagonal=True), lower=False)
-    b = by(by(b, lower=False), lower=True, unit_diagonal=True)
-    return jnp.take_along_axis(b, jnp.argsort(rows)[..., None], -2, mode="promise_in_bounds")
 
 
 def _kinds(layout):
@@ -378,38 +347,3 @@ def _unlane(kept):
     mean, half = (p + q) / 2, 0.5j * (p - q)
     out = jnp.block([[mean, half], [-half, mean]])
     return out if len(kept) == 1 else jax.scipy.linalg.block_diag(out, kept[1][0])
-
-
-def inverse(s):
-    """Inverse of a symmetric block, symmetric."""
-    a, b, d = s
-    r = 1 / (a * d - b * b)
-    return d * r, -b * r, a * r
-
-
-def product(s, n):
-    """S N with S symmetric."""
-    (a, b, d), (p, q, r, t) = s, n
-    return a * p + b * r, a * q + b * t, b * p + d * r, b * q + d * t
-
-
-def product_t(m, n):
-    """M^T N."""
-    (a, b, c, d), (p, q, r, t) = m, n
-    return a * p + c * r, a * q + c * t, b * p + d * r, b * q + d * t
-
-
-def times(m, x):
-    """M x."""
-    (a, b, c, d), (u, v) = m, x
-    return a * u + b * v, c * u + d * v
-
-
-def times_t(m, x):
-    """M^T x."""
-    (a, b, c, d), (u, v) = m, x
-    return a * u + c * v, b * u + d * v
-
-
-def _minus(a, b):
-    return tuple(x - y for x, y in zip(a, b, strict=True))

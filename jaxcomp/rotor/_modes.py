@@ -20,19 +20,9 @@ from .._core.results import Data, Result
 from ._conventions import AXES, add, from_planes, to_planes
 from ._layout import layout_of
 from ._model import RotorModel
+from ._operator import Operator, add_links, elastic_force, operator_at
 from ._pencil import CLUSTER, definite_pencil, pencil
-from ._system import (
-    Operator,
-    System,
-    add_links,
-    bare,
-    elastic_force,
-    follow,
-    link_matrices,
-    marked,
-    operator_at,
-    released,
-)
+from ._system import System, bare, follow, link_matrices, marked, released
 
 
 class Matrices(NamedTuple):

@@ -24,10 +24,11 @@ from ._layout import layout_of
 from ._loads import Loads, load_vector
 from ._model import RotorModel
 from ._nodes import node_index, node_names
+from ._operator import link_force, operator_at, reactions
 from ._prepare import prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
-from ._system import System, bare, collect, follow, link_force, operator_at, reactions
+from ._system import System, bare, collect, follow
 
 
 class SingularResponse(ArithmeticError):

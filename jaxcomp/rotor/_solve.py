@@ -14,8 +14,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
 from .._core.errors import BadInput
-from ._elimination import factorise, lu_factor, lu_solve, solve_factored
-from ._system import Operator, apply, dense, scale
+from ._blocks import lu_factor, lu_solve
+from ._elimination import factorise, solve_factored
+from ._operator import Operator, apply, dense, scale
 
 Solver = Literal["structured", "dense"]
 STATUS_WORDS = (

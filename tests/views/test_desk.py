@@ -14,7 +14,8 @@ import pytest
 
 from jaxcomp import load, solve_orbit
 from jaxcomp.desk import serve
-from jaxcomp.desk._page import _is_fault, _Page
+from jaxcomp.desk._page import Page
+from jaxcomp.desk._serve import _is_fault
 from jaxcomp.desk.interface import Desk
 from jaxcomp.scene import SceneError, loads
 
@@ -30,7 +31,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def page(scene):
-    return _Page(scene)
+    return Page(scene)
 
 
 @pytest.fixture
@@ -178,7 +179,7 @@ def test_a_slider_moves_pictures_and_table(page):
 
 
 def test_the_mechanism_moves_with_a_slider_and_with_the_angle_of_the_crank(scene):
-    page = _Page(scene)
+    page = Page(scene)
     pins, rod = page.pictures.outlines["pins"], page.pictures.outlines["rod"]
     radius = page.desk.values["mechanism.crank_radius"]
     page.pictures.turn(90.0)  # the crank points to the right
@@ -191,7 +192,7 @@ def test_the_mechanism_moves_with_a_slider_and_with_the_angle_of_the_crank(scene
 
 
 def test_units_are_chosen_on_the_page(scene):
-    page = _Page(scene)
+    page = Page(scene)
     page.units.value = "US"
     assert rows_of(page).loc[BORE, "Value"] == "5.11811 in"
     assert page.sliders[BORE].slider.value == pytest.approx(130 / 25.4)
@@ -207,7 +208,7 @@ def test_units_are_chosen_on_the_page(scene):
 def test_a_page_does_not_wait_for_gains_that_are_still_compiled(scene, monkeypatch):
     real, go = Desk.gains, threading.Event()
     monkeypatch.setattr(Desk, "gains", lambda desk: go.wait(30) and real(desk))
-    page = _Page(scene, 0.01)
+    page = Page(scene, 0.01)
     assert "Computing the gains" in said(page)
     assert set(page.table.value["gain"]) == {"..."}
     row = list(page.table.value["name"]).index(BORE)
@@ -232,7 +233,7 @@ def check_rows(page):
 
 
 def test_rows_stay_together_when_sorted_by_gain(scene):
-    page = _Page(scene)
+    page = Page(scene)
     check_rows(page)  # gains from the first moment
     before = list(page.table.value["name"])
     page._sort(None)
@@ -262,7 +263,7 @@ def test_numbers_get_sliders_and_lose_them(page):
 
 @pytest.mark.parametrize("moves_with_its_ends", [False, True])  # as in Panel 1.10
 def test_a_value_typed_beyond_a_slider_is_what_is_computed_and_saved(scene, moves_with_its_ends):
-    page = _Page(scene)
+    page = Page(scene)
     slider = page.sliders[BORE].slider
     if moves_with_its_ends:
         slider.param.watch(
@@ -346,7 +347,7 @@ def test_texts_of_a_machine_are_neither_html_nor_markdown(scene):
 
     text = '<img src=x onerror="alert(1)"> ![a](http://example.org/a.png) *b* `c` 50 %'
     named = dataclasses.replace(scene, name=text, description=text)
-    shown = _Page(named)
+    shown = Page(named)
     shown.say(text)
     render = MarkdownIt("gfm-like").render
     assert "<img" in render(text)
@@ -369,7 +370,7 @@ def test_a_machine_that_is_opened_reads_no_files_beside_it(page, tmp_path):
 
 
 def test_pages_do_not_disturb_each_other(scene, page):
-    other = _Page(scene)
+    other = Page(scene)
     value = page.desk.values[BORE]
     other.sliders[BORE].slider.value = 120.0
     assert page.desk.values[BORE] == value

@@ -1,0 +1,81 @@
+"""Throws of a crankshaft: the rods on each pin, and layouts that go by a name."""
+
+import re
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import ANY, Part, quantity
+
+# Throws of a layout, and rods of a star.
+_MOST = 64
+
+
+class Throw(Part):
+    """One throw of the crankshaft with the rods on its pin.
+
+    Args:
+        angle: [rad] of the pin, ahead of the first throw in the sense of rotation.
+        position: [m] middle of the pin along the shaft.
+        banks: [rad] (n,) direction of each cylinder's axis, in the order of the rods along the shaft.
+        rod_pitch: [m] between neighbouring rods along the shaft.
+        unbalance: [kg m] of the crank at this throw without rods, positive at the pin's side; that
+            of a counterweight is negative.
+    """
+
+    kind: ClassVar[str] = "throw"
+
+    banks: Float[Array, " n"] = quantity("rad", ANY, shape=(None,))
+    angle: Float[Array, ""] = quantity("rad", ANY, default=0.0)
+    position: Float[Array, ""] = quantity("m", ANY, default=0.0)
+    rod_pitch: Float[Array, ""] = quantity("m", ANY, default=0.0)
+    unbalance: Float[Array, ""] = quantity("kg m", ANY, default=0.0)
+
+    def __check_init__(self):
+        if not self.banks.size:
+            raise BadInput("banks", "[]", "at least one bank angle")
+
+
+def throws_of(name: str) -> list[tuple[float, list[float]]]:
+    """Angle of each throw and banks on it [deg] of a layout by name.
+
+    Raises:
+        BadInput: a name that stands for none.
+    """
+    text, times = re.sub(r"[ _-]", "", name.lower()), 1
+    found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
+    flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
+    if found and float(found[2]) * {"w": 2, "vv": 3}.get(found[1], 1) < 360:
+        kind, spacing, times = found[1], float(found[2]), int(found[3] or 1)
+        count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
+        banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
+    elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
+        kind, count, times = flat[1], int(flat[2] or 2), int(flat[3] or 1)
+        if kind == "radial":
+            times = times if 1 <= count <= _MOST else 0
+            banks = [[i * 360 / count for i in range(min(count, _MOST))]]
+        elif kind == "opposed":
+            banks = [[0.0, 180.0]]
+        else:
+            times *= {"single": 1}.get(kind, count)
+            banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
+    else:
+        times, banks = 0, [[0.0]]
+    if times < 1 or times > _MOST:
+        known = (
+            '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
+        )
+        raise BadInput("layout", name, f"a layout such as {known}")
+    half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
+    angles = [i * 360 / half for i in range(half)]
+    # An in-line crank that is its own mirror image leaves no couple of any order.
+    angles += angles[::-1] if half < times else []
+    return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
+
+
+def rod_places(throw: Throw) -> np.ndarray:
+    """Places of the rods about the middle of the pin, in pitches."""
+    count = throw.banks.size
+    return np.arange(count) - 0.5 * (count - 1)

@@ -1,0 +1,162 @@
+"""Pictures of the desk: curves and bars that follow its machine, and the mechanism."""
+
+from typing import Any
+
+import numpy as np
+from bokeh.models import ColumnDataSource, FactorRange, Title
+from bokeh.plotting import figure
+
+from ..plot.interface import INK, colour, line_look, words
+from ._layout import WIDE
+from ._state import Desk, View
+
+_PINNED = "#AAAAAA"
+# Units of the pictures, which stay while numbers are dragged.
+_AXES = {
+    "m^3": (1e6, "cm³"), "Pa": (1e-6, "MPa"), "lift": (1e3, "mm"), "N": (1.0, "N"),
+    "film": (1e6, "µm"), "W": (1.0, "W"),
+}  # fmt: skip
+_AXES_US = _AXES | {
+    "m^3": (0.0254**-3, "in³"), "Pa": (1 / 6894.757, "psi"), "lift": (1 / 0.0254, "in"),
+    "N": (1 / 4.448222, "lbf"), "film": (1e6 / 0.0254, "µin"),
+}  # fmt: skip
+
+
+class Pictures:
+    """Pictures whose curves and bars follow, each with the pinned state in grey behind it."""
+
+    def __init__(self, desk: Desk):
+        self.desk, self.angle = desk, np.deg2rad(60.0)
+        self.sources: dict[str, ColumnDataSource] = {}
+        drawn = _drawn(desk.view, desk.system)
+        self.figures = [
+            self._figure(title, *axes, parts) for title, (*axes, parts) in drawn.items()
+        ]
+        self.outlines = {
+            name: ColumnDataSource({"x": [], "y": []}) for name in desk.front_view(self.angle)
+        }
+        if self.outlines:
+            self.figures.append(self._mechanism())
+
+    def _figure(self, title: str, x: str, y: str, parts: dict[str, dict[str, Any]]) -> Any:
+        """A picture with the labels of its axes, of curves or of the bars of the name ""."""
+        bars = parts.get("")
+        rows = {} if bars is None else {"y_range": FactorRange(*reversed(bars["y"]))}
+        plot: Any = figure(
+            title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
+            tools="pan,wheel_zoom,reset", toolbar_location="above", **rows, **WIDE,
+        )  # fmt: skip
+        plot.toolbar.logo = None
+        for name, columns in parts.items():
+            for pinned in (True, False):
+                source = ColumnDataSource({column: [] for column in columns})
+                source.name = f"{title}.{name}.{pinned}"
+                self.sources[source.name] = source
+                self._draw(plot, name, source, pinned, len(parts) > 1)
+        if bars is not None:
+            plot.x_range.start = 0
+        elif len(parts) > 1:
+            _legend_above(plot, [words(name) for name in parts])
+        return plot
+
+    def _draw(self, plot: Any, name: str, source, pinned: bool, among_others: bool) -> None:
+        """A curve, or the bars of the name ""; what is pinned is grey."""
+        # a joint has one colour in all pictures
+        forces = list(self.desk.view.forces)
+        place = forces.index(name) if name in forces else 0
+        paint = _PINNED if pinned else colour(name or "crank_pin", place)
+        if name:
+            label = {"legend_label": words(name)} if among_others and not pinned else {}
+            plot.line("x", "y", source=source, color=paint, line_width=2, **label)
+        else:
+            height = 0.8 if pinned else 0.5
+            plot.hbar(y="y", right="right", height=height, source=source, color=paint)
+
+    def _mechanism(self) -> Any:
+        plot: Any = figure(
+            title=Title(text="Mechanism", text_color=INK), height=260, match_aspect=True, tools="",
+            toolbar_location=None, **WIDE,
+        )  # fmt: skip
+        plot.axis.visible = plot.grid.visible = False
+        for name, source in self.outlines.items():
+            look = line_look(name)
+            if look["linestyle"]:
+                dash = "dotted" if look["linestyle"] == ":" else "solid"
+                plot.line("x", "y", source=source, color=look["color"], line_dash=dash,
+                          line_width=look["linewidth"], line_cap="round")  # fmt: skip
+            else:
+                plot.scatter("x", "y", source=source, color=look["color"], size=look["markersize"])
+        return plot
+
+    def turn(self, degrees: float) -> None:
+        """Draw the mechanism at another angle of the crank."""
+        self.angle = np.deg2rad(degrees)
+        self._outline()
+
+    def _outline(self) -> None:
+        for name, line in self.desk.front_view(self.angle).items():
+            data = self.outlines[name].data
+            if not np.array_equal([data["x"], data["y"]], line, equal_nan=True):
+                self.outlines[name].data = {"x": line[0], "y": line[1]}
+
+    def show(self, view: View, pinned: View | None) -> None:
+        """Draw a state, and the pinned one behind it."""
+        self._outline()
+        for behind, one in ((True, pinned), (False, view)):
+            drawn = {} if one is None else _drawn(one, self.desk.system)
+            for title, (_, _, parts) in drawn.items():
+                for name, columns in parts.items():
+                    self.sources[f"{title}.{name}.{behind}"].data = columns
+
+
+def _legend_above(plot: Any, names: list[str]) -> None:
+    legend = plot.legend[0]
+    # so many columns as the narrowest picture has room for
+    columns = max(1, 52 // (6 + max(map(len, names))))
+    legend.update(orientation="horizontal", label_text_font_size="8pt", ncols=columns)
+    plot.height += 20 * (-(-len(names) // columns) - 1)
+    legend.update(click_policy="hide", border_line_color=None, padding=0)
+    plot.add_layout(legend, "above")
+
+
+def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[str, Any]]]]:
+    """Labels of both axes, and columns of data by curve, of every picture that this machine has.
+
+    Bars are the columns of the name "".
+    """
+    out, axes = {}, _AXES_US if system == "US" else _AXES
+    if view.pressure is not None:
+        (by_x, x_unit), (by_y, y_unit) = axes["m^3"], axes["Pa"]
+        x, y = (np.append(curve, curve[0]) for curve in (view.volume * by_x, view.pressure * by_y))
+        curves = {"gas": {"x": x, "y": y}}
+        out["Indicator diagram"] = f"Displaced volume, {x_unit}", f"Pressure, {y_unit}", curves
+    for title, what, angle, values, kind in (
+        ("Valve lift", "", view.lift_angle, view.lifts, "lift"),
+        ("Joint forces", "Magnitude, ", view.angle, view.forces, "N"),
+        ("Smallest film thickness", "", view.film_angle, view.films, "film"),
+    ):
+        factor, unit = axes[kind]
+        label = f"{what}{unit}"
+        if values:
+            degrees = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
+            order = np.argsort(degrees)
+            curves = {
+                name: {"x": degrees[order], "y": factor * one[order]}
+                for name, one in values.items()
+            }
+            out[title] = "Crank angle, degrees", label, curves
+    losses = {words(name): one for name, one in view.losses.items()}
+    uses = {words(name): one for name, one in view.power_use.items()}
+    vibration = {}
+    for name, (now, after) in view.vibration.items():
+        vibration |= {name: now, f"{name}, balanced": after}
+    for title, kind, sizes in (
+        ("Power use", "W", uses),
+        ("Friction losses", "W", losses),
+        ("Vibration of the targets", "film", vibration),
+    ):
+        if sizes:
+            factor, unit = axes[kind]
+            bars = {"y": list(sizes), "right": [factor * float(size) for size in sizes.values()]}
+            out[title] = unit, "", {"": bars}
+    return out

@@ -1,0 +1,108 @@
+"""The slider of one number of the desk."""
+
+from typing import Any
+
+import panel as pn
+
+_STEPS = 200
+
+
+class _QuickSlider(pn.widgets.FloatSlider):
+    """A slider that is heard at once: Panel gathers changes for 50 ms, which is most of an answer."""
+
+    _debounce = 5
+
+
+class Slider:
+    """The slider of one number between two ends that can be typed."""
+
+    def __init__(self, page: Any, name: str):
+        self.page, self.name, desk = page, name, page.desk
+        low, high = desk.range_of(name)
+        self.look = look = desk.look(name, [low, high])
+        self.ends = [
+            pn.widgets.FloatInput(
+                label=word, value=_short(self._shown(end)), width=82, margin=(5, 4)
+            )
+            for word, end in (("from", low), ("to", high))
+        ]
+        label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
+        value = self._value
+        low, high = min(value, self.ends[0].value), max(value, self.ends[1].value)
+        self.slider = _QuickSlider(
+            label=label, start=low, end=high, step=(high - low) / _STEPS, value=value, format="0[.]00000",
+            styles={"flex": "1 1 110px", "min-width": "100px"}, margin=(5, 4),
+        )  # fmt: skip
+        # what the desk sets is no drag; some versions of Panel move a slider when its ends move
+        self._following = False
+        self.slider.param.watch(self._moved, "value")
+        self.slider.param.watch(self._let_go, "value_throttled")
+        for end in self.ends:
+            end.param.watch(self._other_ends, "value")
+        remove = pn.widgets.Button(label="×", width=30, margin=(5, 0))
+        remove.on_click(lambda _: page.remove_slider(name))
+        self.row = pn.FlexBox(self.slider, *self.ends, remove, align_items="end")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """[SI] The ends."""
+        return self._si(self.slider.start), self._si(self.slider.end)
+
+    def _shown(self, value: float) -> float:
+        return self.look.of(value)
+
+    def _si(self, value: float) -> float:
+        return (value - self.look.zero) / self.look.factor
+
+    def follow(self) -> None:
+        """Stand where the number stands, between ends that hold it."""
+        value, low, high = self._value, self.slider.start, self.slider.end
+        if not low <= value <= high:
+            wide = [self._shown(end) for end in self.page.desk.range_of(self.name)]
+            low, high = min(low, _short(wide[0]), value), max(high, _short(wide[1]), value)
+        self._set(low, high)
+
+    @property
+    def _value(self) -> float:
+        return self._shown(self.page.desk.values[self.name])
+
+    def _moved(self, event) -> None:
+        if not self._following:
+            self.page.drag(self.name, self._si(event.new))
+
+    def _let_go(self, _) -> None:
+        if not self._following:
+            self.page.let_go()
+
+    def _other_ends(self, _) -> None:
+        if self._following:
+            return
+        low, high = (end.value for end in self.ends)
+        bound = self.page.desk.numbers[self.name].bound
+        numbers = None not in (low, high)
+        if not numbers or not (
+            low < high and all(bound.holds(self._si(end)) for end in (low, high))
+        ):
+            self.page.say(f"{self.name}: the ends of the range must rise and be {bound}")
+        elif not low <= self._value <= high:
+            text = self.page.desk.text(self.name)
+            self.page.say(f"{self.name}: the range must hold the present value, {text}")
+        else:
+            self._set(low, high)
+            return
+        self._set(self.slider.start, self.slider.end)
+
+    def _set(self, low: float, high: float) -> None:
+        """Ends and value in one change."""
+        self._following = True
+        try:
+            step = (high - low) / _STEPS
+            self.slider.param.update(start=low, end=high, step=step, value=self._value)
+            for field, end in zip(self.ends, (low, high), strict=True):
+                field.value = end
+        finally:
+            self._following = False
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,72 @@
+"""Algebra of 2 x 2 blocks that are kept by components, see `_elimination`; factors of full matrices."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+
+def lu_factor(a: Array) -> tuple[Array, Array]:
+    """LU factors of matrices (..., n, n) and the permutation of their rows.
+
+    That of `jax.scipy` keeps the exchanges, which every solution would turn into the permutation
+    again.
+    """
+    lu, _, rows = jax.lax.linalg.lu(a)
+    return lu, rows
+
+
+def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
+    """Solve for right-hand sides (..., n, k), complex ones of a real matrix as well."""
+    lu, rows = factor
+    if not b.size:
+        return b
+    if jnp.iscomplexobj(b) and not jnp.iscomplexobj(lu):
+        k = b.shape[-1]
+        # Side by side as real columns, which spares the factors a complex copy.
+        parts = lu_solve(factor, jnp.concatenate([b.real, b.imag], -1), transpose)
+        return parts[..., :k] + 1j * parts[..., k:]
+
+    def by(b, **which) -> Array:
+        options = {"left_side": True, "transpose_a": transpose, **which}
+        return jnp.asarray(jax.lax.linalg.triangular_solve(lu, b, **options))
+
+    if not transpose:
+        b = jnp.take_along_axis(b, rows[..., None], -2, mode="promise_in_bounds")
+        return by(by(b, lower=True, unit_diagonal=True), lower=False)
+    b = by(by(b, lower=False), lower=True, unit_diagonal=True)
+    return jnp.take_along_axis(b, jnp.argsort(rows)[..., None], -2, mode="promise_in_bounds")
+
+
+def inverse(s):
+    """Inverse of a symmetric block, symmetric."""
+    a, b, d = s
+    r = 1 / (a * d - b * b)
+    return d * r, -b * r, a * r
+
+
+def product(s, n):
+    """S N with S symmetric."""
+    (a, b, d), (p, q, r, t) = s, n
+    return a * p + b * r, a * q + b * t, b * p + d * r, b * q + d * t
+
+
+def product_t(m, n):
+    """M^T N."""
+    (a, b, c, d), (p, q, r, t) = m, n
+    return a * p + c * r, a * q + c * t, b * p + d * r, b * q + d * t
+
+
+def times(m, x):
+    """M x."""
+    (a, b, c, d), (u, v) = m, x
+    return a * u + b * v, c * u + d * v
+
+
+def times_t(m, x):
+    """M^T x."""
+    (a, b, c, d), (u, v) = m, x
+    return a * u + c * v, b * u + d * v
+
+
+def minus(a, b):
+    return tuple(x - y for x, y in zip(a, b, strict=True))

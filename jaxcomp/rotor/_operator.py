@@ -1,0 +1,192 @@
+"""The dynamic stiffness of a rotor at a spin speed and a frequency, as products with a motion."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Inexact
+
+from ._conventions import add, take, whirl
+from ._layout import Layout
+from ._system import System, collect, collected, follow, link_matrices
+from ._ties import body_arms, reaction_matrix
+
+
+class Operator(NamedTuple):
+    """Z = K(W) - w^2 M + i w (C(W) + W G) on vectors (n, planes, 2).
+
+    Slaved nodes and idle coordinates carry the identity, so that Z is square over all nodes.
+
+    Attributes:
+        system: the speed-independent part.
+        stiffness: (l, dof, dof) of links and magnetic pulls at the spin speed.
+        damping: (l, dof, dof)
+        frequency: [rad/s] w.
+        spin_speed: [rad/s] W.
+    """
+
+    system: System
+    stiffness: Array
+    damping: Array
+    frequency: Array
+    spin_speed: Array
+
+    @property
+    def links(self) -> Complex[Array, "l dof dof"]:
+        """K + i w C of links and magnetic pulls."""
+        return self.stiffness + 1j * self.frequency * self.damping
+
+    @property
+    def bodies(self) -> Complex[Array, "b dof dof"]:
+        """-w^2 M + i w (alpha M + W G) of the bodies."""
+        w, (mass, gyro) = self.frequency, jnp.moveaxis(self.system.bodies, 1, 0)
+        damping = self.system.damping
+        inert = -(w**2) + (0.0 if damping is None else 1j * w * damping[0])
+        return inert * mass + 1j * w * self.spin_speed * gyro
+
+    @property
+    def coefficients(self) -> Array:
+        """(q, l) Factors of the terms in the components: stiffness, -w^2 of inertia, +-w W of polar.
+
+        Real unless the structure itself is damped.
+        """
+        w, stiff = self.frequency, jnp.ones_like(self.frequency)
+        inert, turn = -(w**2), w * self.spin_speed
+        if self.system.damping is not None:
+            alpha, beta = self.system.damping
+            stiff, inert = stiff + 1j * w * beta, inert + 1j * w * alpha
+        # + 0 makes the gyroscopic term complex where structural damping makes the others so.
+        terms = jnp.stack([stiff, inert, turn + 0 * inert])
+        lateral = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+        if self.system.dof == 4:
+            return terms[:, None] * lateral
+        share = np.zeros((5, 3))
+        share[:3, :2], share[3:, 2] = lateral, 1.0
+        return take(terms, np.array([0, 1, 2, 0, 1]))[:, None] * share
+
+
+def operator_at(
+    system: System, spin_speed: Float[Array, ""], frequency: Float[Array, ""]
+) -> Operator:
+    """The dynamic stiffness at a spin speed [rad/s] and an excitation frequency [rad/s]."""
+    links = link_matrices(system, spin_speed)
+    return Operator(system, *links, jnp.asarray(frequency), jnp.asarray(spin_speed))
+
+
+def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Complex[Array, "n p 2"]:
+    """Z x, or Z^T x."""
+    system, active = z.system, jnp.asarray(z.system.layout.moving)
+    inside = follow(system, jnp.where(active, x, 0.0))
+    f = collect(system, _node_forces(z, inside, transpose))
+    if system.modal is not None:
+        modal = jnp.einsum("mnpk,npk->m", system.modal, inside)
+        f = f + 1j * z.frequency * jnp.einsum("mnpk,m->npk", system.modal, modal)
+    return jnp.where(active, f, x)
+
+
+def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
+    """Forces on all nodes, each where it acts, for the motion of all nodes; without modal damping."""
+    layout, links, bodies = z.system.layout, z.links, z.bodies
+    if transpose:
+        links, bodies = jnp.swapaxes(links, 1, 2), jnp.swapaxes(bodies, 1, 2)
+    f = add_links(layout, elastic_force(z, x, transpose), links, x)
+    if not len(bodies):
+        return f
+    own = take(x, layout.centres).reshape(-1, layout.dof)
+    own = jnp.einsum("bij,bj->bi", bodies, own).reshape(-1, *x.shape[1:])
+    return add(f, layout.centres, own)
+
+
+def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
+    """Forces of shafts, disks and masses, in components and back."""
+    system = z.system
+    pairs, to_components = system.layout.pairs, whirl(system.dof, transpose)
+    components = jnp.einsum("lp,npk->nlk", to_components, x)
+    terms = z.coefficients
+    node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
+    f = jnp.einsum("nijl,nlj->nli", node, components)
+    if len(pairs):
+        ends = take(components, pairs)  # (e, 2, l, 2)
+        # Relative rotation and transverse deformation, subtracted before anything else.
+        difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
+        bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
+        stiff = 1.0 if system.damping is None else terms[0, 0]
+        load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
+        # Without the stiffness, which has acted through the deformations.
+        inertia = system.elements[..., 1:] if system.dof == 4 else system.elements[..., [1, 2, 4]]
+        terms = terms[1:] if system.dof == 4 else terms[np.array([1, 2, 4])]
+        dynamic = jnp.einsum("eijq,ql->eijl", inertia, terms)
+        at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
+        load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
+        f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
+    # The way back of a unitary matrix is its conjugate transpose.
+    return jnp.einsum("lp,nlk->npk", to_components.conj(), f)
+
+
+def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:
+    """Forces with those of the links added, whose motion is relative."""
+    if not len(links):
+        return f
+    push = link_force(layout, links, x)
+    return add(f, layout.links, jnp.stack([push, -push], 1).reshape(-1, 2, *x.shape[1:]))
+
+
+def link_force(layout: Layout, links: Array, x: Array) -> Array:
+    """[N], [N m] (l, dof) Force of each link on its second node or the ground, from K (x_a - x_b)."""
+    ground = jnp.concatenate([x, jnp.zeros_like(x[:1])])
+    ends = take(ground, layout.links).reshape(-1, 2, layout.dof)
+    return jnp.einsum("lij,lj->li", links, ends[:, 0] - ends[:, 1])
+
+
+def scale(z: Operator) -> Float[Array, "n p 2"]:
+    """Positive diagonal by which Z is made dimensionless: |K_ii| + w |C_ii| + w^2 M_ii."""
+    system, w = z.system, z.frequency
+    layout, dof = system.layout, system.dof
+    square = w**2
+    node = jnp.einsum("niiq->niq", system.inertia)
+    own = jnp.einsum("eiiq->eiq", system.elements).reshape(-1, 2, 2, node.shape[-1])
+    node = add(node, layout.pairs, own)
+    lateral = node[..., 0] + square * node[..., 1]
+    planes = [lateral, lateral] + ([node[..., 3] + square * node[..., 4]] if dof == 6 else [])
+    out = jnp.stack(planes, 1)
+    own = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
+    out = add(out, layout.links, jnp.stack([own, own], 1).reshape(-1, 2, *out.shape[1:]))
+    if not layout.own.all():
+        node, master = layout.ties.nodes
+        # The diagonal of A^T D A.
+        moved = jnp.einsum("sij,si->sj", system.arms**2, take(out, node).reshape(-1, dof))
+        out = add(out, master, moved.reshape(-1, *out.shape[1:]))
+    own = square * jnp.einsum("bii->bi", system.bodies[:, 0])
+    out = add(out, layout.centres, own.reshape(-1, *out.shape[1:]))
+    return jnp.where(jnp.asarray(layout.moving) & (out > 0), out, 1.0)
+
+
+def dense(z: Operator) -> Complex[Array, "all all"]:
+    """Z as a full matrix over all coordinates, column by column; the reference for the solvers."""
+    shape = z.system.layout.moving.shape
+    size = int(np.prod(shape))
+    unit = jnp.asarray(np.eye(size).reshape(size, *shape) + 0j)
+    return jax.vmap(lambda x: apply(z, x))(unit).reshape(size, size).T
+
+
+def reactions(
+    z: "Operator", x: Complex[Array, "n p 2"], force: Complex[Array, "n p 2"]
+) -> Complex[Array, "links dof"]:
+    """[N], [N m] Force of each held link on its second node or the ground; zero for the others.
+
+    From the motion of all nodes, and the load before it is collected.
+    """
+    system, layout = z.system, z.system.layout
+    dof, holds = layout.dof, layout.ties.holds
+    arms = body_arms(system.model.bodies, dof)
+    nodes = np.array(layout.slaved, int).reshape(-1, 2).T
+    # Only bodies collect here: the forces on lost coordinates are what the conditions have to hold.
+    free = np.ones((layout.n, 1, 1))
+    free[nodes[0]] = 0.0
+    left = collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
+    lost = np.array([hold.node * dof + hold.coordinate for hold in holds])
+    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(left, lost)
+    at = np.array([hold.link * dof + hold.coordinate for hold in holds])
+    out = jnp.zeros(len(system.model.links) * dof, complex)
+    return add(out, at, held).reshape(-1, dof)
