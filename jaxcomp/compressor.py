@@ -10,19 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._core.each import AbstractEach
+from ._core.each import AbstractEach, listed, of_cylinder
 from ._core.errors import BadInput, no_machine
-from ._core.fields import (
-    ANY,
-    Part,
-    is_traced,
-    listed,
-    of_cylinder,
-    quantities,
-    quantity,
-    replaced,
-    subparts,
-)
+from ._core.fields import ANY, Part, is_traced, quantities, quantity, replaced, subparts
 from .crankshaft import Crankshaft
 from .crankshaft.interface import MachineLoops, machine_loops
 from .cylinder import Cylinder

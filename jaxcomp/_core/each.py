@@ -4,18 +4,62 @@ Parts of one kind are one part whose numbers have a leading axis. Where the kind
 sorted into groups: each is evaluated at once, and traced once.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jaxtyping import Array
 
 from .errors import BadInput
-from .fields import Part, listed
+from .fields import Part, is_listed, quantities, replaced, subparts
+
+_Tree = TypeVar("_Tree")
+
+
+def listed(tree: Any) -> dict[str, Array]:
+    """The numbers of a part, or of a tree of parts, that are lists over cylinders, by dotted path."""
+    return {
+        f"{path}.{name}" if path else name: getattr(part, name)
+        for path, part in subparts(tree)
+        for name, field in quantities(part)
+        if is_listed(part, field, getattr(part, name))
+    }
+
+
+def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
+    """A part with the numbers of one cylinder, from 1, where lists or laws have one for each."""
+    return _with_lists(tree, lambda value: value[number - 1], number)
+
+
+def along_cylinders(tree: _Tree, like: Array) -> _Tree:
+    """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
+    return _with_lists(tree, lambda value: value.reshape(value.shape + (1,) * jnp.ndim(like)))
+
+
+def _with_lists(tree: _Tree, change: Callable[[Array], Array], number: int | None = None) -> _Tree:
+    """A part with every list over cylinders changed by a function, in the parts inside it as well.
+
+    With a number of a cylinder, laws that differ in kind are replaced by that cylinder's.
+    """
+    if not isinstance(tree, Part):
+        return tree
+    if isinstance(tree, AbstractEach) and number is not None:
+        return tree.one(number)
+    changes = {}
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if isinstance(value, Part):
+            new = _with_lists(value, change, number)
+            changes |= {} if new is value else {field.name: new}
+        elif "unit" in field.metadata and is_listed(tree, field, value):
+            changes[field.name] = change(value)
+    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
 
 
 def stacked(parts: Sequence[Any]) -> Any:

@@ -7,7 +7,7 @@ units), the solvers (which mark a traced design outside its bounds) and the prin
 """
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -205,47 +205,6 @@ def is_listed(part: Part | type[Part], field: dataclasses.Field, value: Any) -> 
     """Whether a number of a part is given as a list with a value for each of several cylinders."""
     single = part.for_each_cylinder and field.metadata["shape"] == ()
     return single and value is not None and jnp.ndim(value) == 1
-
-
-def listed(tree: Any) -> dict[str, Array]:
-    """The numbers of a part, or of a tree of parts, that are lists over cylinders, by dotted path."""
-    return {
-        f"{path}.{name}" if path else name: getattr(part, name)
-        for path, part in subparts(tree)
-        for name, field in quantities(part)
-        if is_listed(part, field, getattr(part, name))
-    }
-
-
-def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
-    """A part with the numbers of one cylinder, from 1, where lists or laws have one for each."""
-    return _with_lists(tree, lambda value: value[number - 1], number)
-
-
-def along_cylinders(tree: _Tree, like: Array) -> _Tree:
-    """A part whose lists over k cylinders have a shape (k, 1, ...) that goes with instants."""
-    return _with_lists(tree, lambda value: value.reshape(value.shape + (1,) * jnp.ndim(like)))
-
-
-def _with_lists(tree: _Tree, change: Callable[[Array], Array], number: int | None = None) -> _Tree:
-    """A part with every list over cylinders changed by a function, in the parts inside it as well.
-
-    With a number of a cylinder, laws that differ in kind are replaced by that cylinder's.
-    """
-    if not isinstance(tree, Part):
-        return tree
-    pick: Any = getattr(tree, "one", None)
-    if pick is not None and number is not None:
-        return pick(number)
-    changes = {}
-    for field in dataclasses.fields(tree):
-        value = getattr(tree, field.name)
-        if isinstance(value, Part):
-            new = _with_lists(value, change, number)
-            changes |= {} if new is value else {field.name: new}
-        elif "unit" in field.metadata and is_listed(tree, field, value):
-            changes[field.name] = change(value)
-    return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
 
 
 def spread_columns(part: Part, rows: int, what: str) -> None:

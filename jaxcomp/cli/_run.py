@@ -224,7 +224,7 @@ def _remarks(
 
 def _numbers(machine, assembly, orbit: jc.Orbit, known) -> tuple[dict[str, Any], dict[str, Any]]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
-    from .._core.fields import of_cylinder
+    from .._core.each import of_cylinder
     from ..study import AnalysisOptions, DesignResult
 
     result = DesignResult(machine, AnalysisOptions())

@@ -51,7 +51,7 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
 
 
 def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
-    from .._core.fields import listed, of_cylinder
+    from .._core.each import listed, of_cylinder
 
     rows, compressor = [], scene.as_compressor()
     count = compressor.crankshaft.count

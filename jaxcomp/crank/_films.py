@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.each import of_cylinder
 from .._core.exported import kept_jit
-from .._core.fields import of_cylinder
 from .._core.polynomials import Rule, gauss
 from .._core.results import Result, reading
 from ..compressor import Compressor

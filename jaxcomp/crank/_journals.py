@@ -17,8 +17,8 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from .._core.each import mapped
-from .._core.fields import of_cylinder, rebuilt
+from .._core.each import mapped, of_cylinder
+from .._core.fields import rebuilt
 from .._core.polynomials import Rule
 from .._core.status import Status
 from ..compressor import Compressor

@@ -19,18 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.each import along_cylinders
 from .._core.errors import BadInput
-from .._core.fields import (
-    ANY,
-    NONNEGATIVE,
-    POSITIVE,
-    Part,
-    along_cylinders,
-    is_traced,
-    quantity,
-    rebuilt,
-    replaced,
-)
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, is_traced, quantity, rebuilt, replaced
 from ..film import AbstractJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 from ..mechanism.interface import turned_with

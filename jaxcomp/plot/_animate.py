@@ -1,10 +1,8 @@
 """Moving pictures: the mechanism of one cylinder, several cylinders on one crank, and journals.
 
-Mechanisms are drawn to scale: crank circle, rod or link, bore and, with a polytropic cycle, the
-clearance. Assumed is what no model has: the length of the piston, the size of pins. The frames are even
-in time, so that the crank hurries and lags as it does. All arrows of a picture have the same scale; those
-of a mechanism are the forces of gas and wall on the piston, of the piston and the crank on the rod, of
-the bearings on the crank, and of the slider on its link.
+The frames are even in time, so that the crank hurries and lags as it does. All arrows of a picture have
+the same scale; those of a mechanism are the forces of gas and wall on the piston, of the piston and the
+crank on the rod, of the bearings on the crank, and of the slider on its link.
 """
 
 from collections.abc import Callable
@@ -20,15 +18,15 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from .._core.display import RPM, axes_words, shown
-from .._core.fields import of_cylinder
+from .._core.each import of_cylinder
 from ..compressor import Compressor
 from ..crank import Orbit, journal_films
 from ..crankshaft import Crankshaft, MainBearings
-from ..crankshaft.interface import bearing_names
-from ..mechanism import SliderCrank, SliderLink
+from ..mechanism import SliderCrank
 from . import _style as style
 from ._bearings import in_clearance
 from ._fine import FineTurn, fine_turn
+from ._mechanism import Sketch, forces_over, line_look, sketch, slider_crank_lines
 
 _GAS_TINT = "#B8860B"  # its own colour here, because the wall has that of the gas elsewhere
 
@@ -88,20 +86,6 @@ def _point(arrow: Annotation, foot, reach) -> None:
 # ---------------------------------------------------------------- the mechanism of one cylinder
 
 
-class Arrow(NamedTuple):
-    """A force [N] (2,) at a place [m] (2,), that of its foot."""
-
-    place: np.ndarray
-    force: np.ndarray
-
-
-class Sketch(NamedTuple):
-    """The mechanism at one instant: polygons and lines [m] (2, n), and forces, by name."""
-
-    lines: dict[str, np.ndarray]
-    arrows: dict[str, Arrow]
-
-
 def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> Motion:
     """One revolution of the periodic state: mechanism and forces above, magnitudes below.
 
@@ -137,7 +121,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     told = above.text(
         0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=style.INK, va="top"
     )
-    forces = _forces(compressor, turn)
+    forces = forces_over(compressor, turn)
     sizes = {name: look.factor * np.hypot(*forces[name]) for name in tips if name in forces}
     gas = {"gas": {"color": _GAS_TINT}}
     style.turn_curves(below, turn.state.angle, sizes, f"Force, {look.unit}", zero=False, looks=gas)
@@ -164,155 +148,12 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     return Motion(figure, show, frames)
 
 
-def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
-    """The mechanism at a crank angle [rad], with the forces of the revolution there.
-
-    Raises:
-        TypeError: a mechanism that nobody has drawn yet.
-    """
-    forces = {"gas": np.zeros(2)} | {
-        name: np.array([np.interp(angle, turn.state.angle, component) for component in force])
-        for name, force in _forces(compressor, turn).items()
-    }
-    lines, feet = _drawing(compressor.mechanism, angle)
-    feet |= dict.fromkeys(bearing_names(compressor.crankshaft), np.zeros(2))
-    return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})
-
-
-def _drawing(mechanism: Any, angle: float):
-    """Lines of a mechanism, and where the forces on its parts act, [m]."""
-    if isinstance(mechanism, SliderCrank):
-        return _slider_crank(mechanism, angle)
-    if isinstance(mechanism, SliderLink):
-        return _slider_link(mechanism, angle)
-    raise TypeError(f"There is no drawing of a mechanism of type {type(mechanism).__name__}.")
-
-
-def front_view(compressor: Compressor, angle: float) -> dict[str, np.ndarray]:
-    """The mechanisms of all cylinders as they are seen along the shaft.
-
-    Args:
-        compressor: with mechanisms that are drawn.
-        angle: [rad] of the crank from the top dead centre of the first cylinder.
-
-    Returns:
-        Lines [m] (2, n) by part: y to the right and x upwards, NaN between two cylinders.
-
-    Raises:
-        TypeError: a mechanism that nobody has drawn yet.
-    """
-    parts: dict[str, list[np.ndarray]] = {}
-    shaft = compressor.crankshaft
-    banks, phases = np.asarray(shaft.bank_angle), np.asarray(shaft.phase)
-    for number, (bank, phase) in enumerate(zip(banks, phases, strict=True), 1):
-        lines, _ = _drawing(of_cylinder(compressor.mechanism, number), angle + phase)
-        turn = np.array([[np.sin(bank), np.cos(bank)], [np.cos(bank), -np.sin(bank)]])
-        for name, line in lines.items():
-            parts.setdefault(name, []).extend([turn @ line, np.full((2, 1), np.nan)])
-    return {name: np.concatenate(pieces[:-1], axis=1) for name, pieces in parts.items()}
-
-
-def _forces(compressor: Compressor, turn: FineTurn) -> dict[str, np.ndarray]:
-    """[N] (2, n) Forces of the joints over the revolution, and that of the gas on the piston."""
-    forces = {name: np.asarray(force) for name, force in turn.loads.forces.items()}
-    if compressor.gas is not None and turn.pressure is not None:
-        excess = np.asarray(turn.pressure[0]) - float(compressor.gas.behind_piston)
-        push = -excess * float(compressor.mechanism.piston_area)
-        forces["gas"] = np.stack([push, np.zeros_like(push)])
-    return forces
-
-
-def _slider_crank(m: SliderCrank, angle: float):
-    """Lines of a mechanism, and where the forces on its parts act, [m]."""
-    radius, bore, e = float(m.crank_radius), float(m.bore), float(m.offset)
-    position = float(m.piston(np.asarray(angle))[0])
-    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
-    piston = np.array([position, e])
-    top, bottom = (float(x) for x in m.piston_extremes())
-    crown, skirt = 0.45 * bore, 0.4 * bore  # from the piston pin; assumed
-    lines = {
-        "cylinder": _cylinder(bottom - skirt, top + crown, bore, e),
-        "circle": _circle(radius),
-        "piston": _box(position - skirt, position + crown, bore, e),
-        "crank": np.stack([centre, pin], 1),
-        "rod": np.stack([pin, piston], 1),
-        "pins": np.stack([centre, pin, piston], 1),
-    }
-    feet = {
-        "gas": np.array([position + crown, e]),
-        "wall": piston,
-        "piston_pin": piston,
-        "crank_pin": pin,
-    }
-    return lines, feet
-
-
-def _slider_link(m: SliderLink, angle: float):
-    """Lines of a mechanism, and where the forces on its parts act, [m]."""
-    radius, bore, y = float(m.crank_radius), float(m.bore), float(m.offset)
-    position = float(m.piston(np.asarray(angle))[0])
-    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
-    top = float(m.piston_extremes()[0])
-    edge = top - float(m.cylinder_length)
-    size = float(m.slider_diameter) or 0.5 * radius
-    near, far = pin[0] + 0.65 * size, pin[0] + 0.8 * size
-    lines = {
-        "cylinder": _cylinder(edge, top, bore, y),
-        "circle": _circle(radius),
-        "piston": _box(far, position, bore, y),
-        "link": _box(pin[0] - 0.65 * size, near, 2 * radius + 2.4 * size, 0.0),
-        "slider": pin[:, None] + _box(-size / 2, size / 2, size, 0.0),
-        "stem": np.array([[near, far], [y, y]]),
-        "crank": np.stack([centre, pin], 1),
-        "pins": np.stack([centre, pin], 1),
-    }
-    feet = {
-        "gas": np.array([position, y]),
-        "wall_crown": np.array([position, y]),
-        "wall_edge": np.array([edge, y]),
-        "link_slider": pin,
-    }
-    return lines, feet
-
-
 def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
     points = np.concatenate([line for s in sketches for line in s.lines.values()], axis=1)
     points = points[:, np.isfinite(points).all(axis=0)]
     low, high = points.min(axis=1), points.max(axis=1)
     ax.set_xlim(low[0] - 0.7 * reach, high[0] + 1.1 * reach)
     ax.set_ylim(min(low[1], -0.6 * reach) - 0.1 * reach, max(high[1], 0.6 * reach) + 0.25 * reach)
-
-
-def line_look(name: str) -> dict[str, Any]:
-    """How a part of a mechanism is drawn, as options of a line of matplotlib."""
-    if name == "pins":
-        return {"marker": "o", "linestyle": "", "color": style.INK, "markersize": 6, "zorder": 5}
-    paint, thick = {
-        "crank": ("#444444", 6),
-        "rod": ("#7A8B9C", 5),
-        "cylinder": (style.GREY, 3),
-        "stem": (style.INK, 4),
-        "circle": ("#BBBBBB", 0.8),
-    }.get(name, (style.INK, 1.6))
-    dash = ":" if name == "circle" else "-"
-    return {"color": paint, "linewidth": thick, "linestyle": dash, "solid_capstyle": "round"}
-
-
-def _box(left: float, right: float, height: float, y: float) -> np.ndarray:
-    x = [left, right, right, left, left]
-    half = height / 2
-    return np.array([x, [y - half, y - half, y + half, y + half, y - half]])
-
-
-def _cylinder(left: float, right: float, bore: float, y: float) -> np.ndarray:
-    """Both walls and the head, open towards the crank."""
-    half = 0.51 * bore
-    return np.array([[left, right, right, left], [y - half, y - half, y + half, y + half]])
-
-
-def _circle(radius: float) -> np.ndarray:
-    angle = np.linspace(0, 2 * np.pi, 73)
-    return radius * np.stack([np.cos(angle), np.sin(angle)])
 
 
 # ---------------------------------------------------------------- several cylinders
@@ -410,7 +251,7 @@ def _main_bearings(compressor: Compressor) -> tuple[tuple[str, ...], np.ndarray]
 def _draw(cylinders: Crankshaft, number: int, single: SliderCrank, angle: float, drawn) -> None:
     """Crank and rod, piston and cylinder from the front; rod and piston from the side."""
     bank, phase = float(cylinders.bank_angle[number]), float(cylinders.phase[number])
-    own, _ = _slider_crank(single, angle + phase)
+    own, _ = slider_crank_lines(single, angle + phase)
     turn = np.array([[np.cos(bank), -np.sin(bank)], [np.sin(bank), np.cos(bank)]])
     rod = turn @ own["pins"]
     for line, path in zip(drawn, (rod, turn @ own["piston"], turn @ own["cylinder"]), strict=False):

@@ -1,22 +1,22 @@
-"""Pictures of the crank: one periodic revolution, several cylinders, and a motion in time.
+"""Pictures of the crank: one periodic revolution, and several cylinders.
 
 All of them take what the library computed and return a figure; none shows or saves anything. Crank
 angles run from -180 to 180 degrees with the top dead centre at zero (exactly so without an offset).
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from .._core.display import RPM, shown
-from .._core.fields import of_cylinder, replaced
+from .._core.each import of_cylinder
+from .._core.fields import replaced
 from ..compressor import Compressor, instants, of_each_cylinder
-from ..crank import CrankTrain, Orbit, Transient, journal_films, performance, train_over_speed
+from ..crank import CrankTrain, Orbit, journal_films, performance, train_over_speed
 from ..crank.interface import journal_rates, time_harmonics
 from ..crankshaft import MainBearings
 from ..film import JournalBearing
@@ -353,88 +353,3 @@ def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
         if place == 0:
             ax.set_ylim(min(heights) - 0.5 * np.ptp(heights) - 0.1, max(heights) + 0.1)
     return figure
-
-
-# ---------------------------------------------------------------- a motion in time
-
-
-def transient_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
-    """Speed over time, and the work since the start: of the motor, of the gas, of friction, in motion.
-
-    With valves the pressure in the cylinders as well.
-
-    Args:
-        transient: of `simulate`.
-        name: of the machine, for the title.
-        power_off: [s] instant at which the motor was switched off, if it was.
-    """
-    how = " to rest" if bool(transient.stopped) else ""
-    rows = 2 if transient.gas is None else 3
-    title = f"{name}: {float(transient.end_time):.4g} s{how}"
-    figure, axes = style.stacked(rows, (7.4, 2.8 * rows), title)
-    time, energy = np.asarray(transient.time), transient.energy
-    above, below = axes[0], axes[-1]
-    above.plot(
-        time, np.asarray(transient.state.speed) * RPM, color=style.colour("motor"), linewidth=1.0
-    )
-    above.set_ylabel("Crank speed, rpm")
-    if transient.gas is not None:
-        axes[1].plot(time, np.atleast_2d(transient.gas.pressure).T / 1e5, linewidth=0.8)
-        axes[1].set_ylabel("Pressure, bar")
-    curves = {
-        "motor": ("Motor", energy.motor_work),
-        "gas": ("Gas", energy.gas_work),
-        "friction": ("Friction", energy.total_loss),
-        "crank": ("In motion", transient.kinetic_energy),
-    }
-    for part, (label, work) in curves.items():
-        course = np.broadcast_to(np.asarray(work) / 1e3, time.shape)
-        below.plot(time, course, color=style.colour(part), linewidth=1.2, label=label)
-    below.set(xlabel="Time, s", ylabel="Work since the start, kJ")
-    style.legend_above(below)
-    if power_off is not None:
-        _motor_off(axes, power_off)
-        above.annotate("motor off", (power_off, 0), xytext=(4, 4), textcoords="offset points",
-                       color=style.INK, fontsize=8.5)  # fmt: skip
-    return figure
-
-
-def transient_gas_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
-    """Pressure in the cylinders and lifts of the valves over the last four revolutions.
-
-    Args:
-        transient: of `simulate`, with valves.
-        name: of the machine, for the title.
-        power_off: [s] instant at which the motor was switched off, if it was.
-
-    Raises:
-        ValueError: a motion under a prescribed pressure.
-    """
-    gas = transient.gas
-    if gas is None:
-        raise ValueError("a picture of the gas needs cylinders with valves.")
-    several = gas.pressure.ndim > 1
-    angle = np.asarray(transient.state.angle)
-    last = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
-    time = np.asarray(transient.time)[last]
-    figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
-    for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e5, 1):
-        close.plot(time, course[last], linewidth=1.2, label=f"Cylinder {number}")
-    for valve, lift in zip(
-        ("Suction", "Discharge"), gas.lift[0] if several else gas.lift, strict=True
-    ):
-        lifts.plot(time, 1e3 * np.asarray(lift)[last], linewidth=1.2, label=valve)
-    close.set_ylabel("Pressure, bar")
-    label = "Lift of the first cylinder, mm" if several else "Lift, mm"
-    lifts.set(xlabel="Time, s", ylabel=label)
-    if several:
-        style.legend_above(close)
-    style.legend_above(lifts)
-    if power_off is not None and power_off > time[0]:
-        _motor_off((close, lifts), power_off)
-    return figure
-
-
-def _motor_off(axes: Iterable[Axes], instant: float) -> None:
-    for ax in axes:
-        ax.axvline(instant, color=style.INK, linewidth=0.9, linestyle="--")

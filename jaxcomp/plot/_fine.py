@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core.fields import of_cylinder
+from .._core.each import of_cylinder
 from .._core.polynomials import cubics
 from ..compressor import Compressor, cylinder_pressure, kink_angles
 from ..crank import Orbit

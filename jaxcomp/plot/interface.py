@@ -4,9 +4,7 @@ from ._accuracy import accuracy_figures as accuracy_figures
 from ._accuracy import extreme_errors as extreme_errors
 from ._animate import Motion as Motion
 from ._animate import cylinders_motion as cylinders_motion
-from ._animate import front_view as front_view
 from ._animate import journal_motion as journal_motion
-from ._animate import line_look as line_look
 from ._animate import mechanism_motion as mechanism_motion
 from ._bearings import bearing_loads as bearing_loads
 from ._bearings import film_coefficients as film_coefficients
@@ -22,8 +20,6 @@ from ._crank import loss_shares as loss_shares
 from ._crank import orbit_figures as orbit_figures
 from ._crank import speed_over_turn as speed_over_turn
 from ._crank import torsion_over_speed as torsion_over_speed
-from ._crank import transient_figure as transient_figure
-from ._crank import transient_gas_figure as transient_gas_figure
 from ._cylinder import cylinder_figures as cylinder_figures
 from ._cylinder import log_p_h as log_p_h
 from ._cylinder import power_use as power_use
@@ -38,6 +34,8 @@ from ._fine import first_diagram as first_diagram
 from ._identified import identification_figures as identification_figures
 from ._interactive import interactive_page as interactive_page
 from ._interactive import offer_interactive as _offer_interactive
+from ._mechanism import front_view as front_view
+from ._mechanism import line_look as line_look
 from ._optimise import optimum_convergence as optimum_convergence
 from ._optimise import optimum_figures as optimum_figures
 from ._optimise import optimum_path as optimum_path
@@ -57,6 +55,8 @@ from ._sweep import optimum_curve as optimum_curve
 from ._sweep import sample_cloud as sample_cloud
 from ._sweep import sweep_curves as sweep_curves
 from ._sweep import sweep_figures as sweep_figures
+from ._transient import transient_figure as transient_figure
+from ._transient import transient_gas_figure as transient_gas_figure
 from ._vibration import balance_bars as balance_bars
 from ._vibration import balance_figures as balance_figures
 from ._vibration import balance_polar as balance_polar

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._core.display import shown
-from .._core.fields import Part, of_cylinder, quantities, subparts
+from .._core.each import of_cylinder
+from .._core.fields import Part, quantities, subparts
 from ..compressor import Compressor
 from ..film import NamedBearing
 from ..gas import PolytropicCycle

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from .._core.display import RPM, axes_words
-from .._core.each import AbstractEach
-from .._core.fields import listed, of_cylinder, subparts
+from .._core.each import AbstractEach, listed, of_cylinder
+from .._core.fields import subparts
 from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..gas import PolytropicCycle

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.arguments import single_number
+from .._core.each import listed
 from .._core.errors import BadInput, no_machine
 from .._core.fields import (
     ANY,
@@ -21,7 +22,6 @@ from .._core.fields import (
     Bound,
     Part,
     is_traced,
-    listed,
     plausible,
     quantities,
     rebuilt,

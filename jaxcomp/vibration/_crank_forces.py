@@ -18,8 +18,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.each import of_cylinder
 from .._core.errors import BadInput
-from .._core.fields import of_cylinder
 from ..compressor import Compressor, first_top, instants
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink, rod_motion

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxcomp import BadInput, Collocation
-from jaxcomp._core.fields import of_cylinder
+from jaxcomp._core.each import of_cylinder
 from jaxcomp.compressor import Compressor, at_speed
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.gas import StagedCycle

@@ -13,8 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._core.each import of_cylinder
 from ..._core.errors import BadInput
-from ..._core.fields import of_cylinder, replaced
+from ..._core.fields import replaced
 from ...compressor import Compressor
 from ...crankshaft import Crankshaft
 from ...cylinder import CycleOptions, Cylinder, solve_cycle
