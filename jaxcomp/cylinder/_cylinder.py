@@ -10,14 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
-from .._core.fields import (
-    POSITIVE,
-    Bound,
-    is_traced,
-    known_values,
-    quantity,
-    replaced,
-)
+from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, replaced
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, GasState, RealGas
 from ..gas import AbstractGas

@@ -5,12 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core.fields import (
-    NONNEGATIVE,
-    POSITIVE,
-    Part,
-    quantity,
-)
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState, RealGas
 from .suction_warming import SuctionWarming
 from ._plenum import Plenum

@@ -32,12 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity
-from ._base import (
-    AbstractKinematics,
-    AbstractMechanism,
-    crank_direction,
-    swing_at,
-)
+from ._base import AbstractKinematics, AbstractMechanism, crank_direction, swing_at
 
 
 class SliderLink(AbstractMechanism):

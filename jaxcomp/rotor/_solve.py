@@ -1,7 +1,7 @@
 r"""Solution of Z x = f with evidence, and its derivatives by the adjoint.
 
 The factorisation only has to be good, not perfect: one or two steps of iterative refinement with the
-element-by-element product of `_system` remove what an elimination without global pivoting loses.
+element-by-element product of `_operator` remove what an elimination without global pivoting loses.
 The last correction bounds the error. Derivatives come from the solve itself: dx = Z^{-1}(df - dZ x)
 forwards, and one solve with the transposed Z backwards; the factorisation is not differentiated.
 """

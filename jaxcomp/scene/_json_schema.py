@@ -17,17 +17,7 @@ from ..film import NamedBearing
 from ._annotated import meaning, summary
 from ._cells import KEY
 from ._scene import HEADER
-from ._schema import (
-    NAMED,
-    Entry,
-    Number,
-    Option,
-    Section,
-    choices,
-    entries,
-    meanings,
-    top_sections,
-)
+from ._schema import NAMED, Entry, Number, Option, Section, choices, entries, meanings, top_sections
 from ._text import NUMBER
 
 _TEXT = {"type": "string"}

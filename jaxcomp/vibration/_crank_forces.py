@@ -24,10 +24,7 @@ from ..compressor import Compressor, first_top, instants
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink, rod_motion
 from ..mechanism.interface import contact_arms
-from ..rotor import (
-    CrankNodes,
-    PeriodicForce,
-)
+from ..rotor import CrankNodes, PeriodicForce
 
 
 class CrankForces(NamedTuple):
