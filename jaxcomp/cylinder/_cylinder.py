@@ -21,7 +21,6 @@ from ._lines import DischargeLine, SuctionLine
 from ._plenum import Plenum
 from .heat._base import AbstractHeat
 from .laminar_gap import LaminarGap
-from .suction_warming import SuctionWarming
 from .wall_network import WallNetwork
 
 # [K] by which a temperature may pass saturation: pressures of saturated gas are given with few digits.

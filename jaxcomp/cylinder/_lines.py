@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState, RealGas
-from .suction_warming import SuctionWarming
 from ._plenum import Plenum
+from .suction_warming import SuctionWarming
 
 
 class SuctionLine(Part):
