@@ -140,7 +140,8 @@ def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
     machine = eqx.tree_at(
         lambda c: (c.gas, c.friction, c.crankshaft.main_journal), machine, (plain, None, None)
     )
-    solver = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=30, nodes=6))
+    # with 30 panels the valves have several courses at this motion, and rounding chooses among them
+    solver = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=48, nodes=6))
 
     def solved(log):
         # light enough for the speed to vary by 9 %
@@ -159,8 +160,8 @@ def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
     assert bool(converged)
     ends = [with_slope(jnp.zeros(()) + way)[0][0] for way in (step, -step)]
     difference = (ends[0] - ends[1]) / (2 * step)
-    # 1.6e-3 is what 30 panels leave; without the motion, the slopes of flow and work are zero
-    np.testing.assert_allclose(slope, difference, rtol=3e-3)
+    # 9e-5 is what 48 panels leave; without the motion, the slopes of flow and work are zero
+    np.testing.assert_allclose(slope, difference, rtol=3e-4)
 
 
 def test_quantities_of_the_gas_are_those_of_machines_with_valves():
