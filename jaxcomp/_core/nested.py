@@ -75,6 +75,14 @@ def with_units(numbers: dict[str, Any], table: Table) -> dict[str, Any]:
     return _Keyed(numbers).of(numbers, table)
 
 
+class _OfResult(dict):
+    """Plain numbers of a result within others, with their units."""
+
+    def __init__(self, numbers: dict[str, Any], units: Table):
+        super().__init__(numbers)
+        self.units = units
+
+
 class _Keyed:
     """Puts units into keys; knows those that the result itself says, for names and for its whole."""
 
@@ -97,9 +105,10 @@ class _Keyed:
             return [self.of(one, table) for one in value]
         if not isinstance(value, dict):
             return value
-        out = {}
+        out, table = {}, value.units if isinstance(value, _OfResult) else table
         for key, inner in value.items():
-            told = table.get(key, table.get("*", {}))
+            of_result = isinstance(inner, _OfResult)
+            told = {} if of_result else table.get(key, table.get("*", {}))
             if told is NAMED and not isinstance(inner, dict):  # names stand beside each other
                 told = self._unit(key)
             if told is NAMED:
@@ -124,8 +133,10 @@ class _Keyed:
 def plain(value: Any) -> Any:
     """Lists, dictionaries and numbers for JSON; of complex numbers the magnitudes.
 
-    A number that is not finite becomes `None`, and a tuple with named fields a dictionary.
+    A number that is not finite becomes `None`; a result, and a tuple with named fields, a dictionary.
     """
+    if hasattr(value, "nested"):
+        return _OfResult(plain(value.nested()), value.units_of_nested())
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):

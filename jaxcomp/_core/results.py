@@ -24,7 +24,7 @@ from .display import shown
 from .errors import BadInput
 from .fields import is_traced
 from .files import regular
-from .nested import Table, plain, units_table, with_units
+from .nested import Table, merged, plain, units_table, with_units
 from .saved import UnknownClass, from_json, to_json
 from .status import Status
 from .words import hint
@@ -89,7 +89,8 @@ class Result:
     table_dims: ClassVar[tuple[str, ...]] = ()
     # Fields that `save` leaves out: what a solver kept for itself.
     not_saved: ClassVar[tuple[str, ...]] = ()
-    # Units of what `nested` returns, as `units_table` reads them; empty where a class does not nest.
+    # Units of what `nested` returns beside the fields that `reading` declares, as `units_table` reads
+    # them. Results that it has under a key bring their own.
     nested_units: ClassVar[str] = ""
 
     def described(self) -> Iterator[Data]:
@@ -154,7 +155,10 @@ class Result:
     @classmethod
     def units_of_nested(cls) -> Table:
         """The unit of every number of `nested`."""
-        return units_table(cls.nested_units)
+        fields = dataclasses.fields(cls)  # pyright: ignore[reportArgumentType]
+        declared = {one.name: one.metadata.get("reading") for one in fields}
+        units = {name: reading[0] for name, reading in declared.items() if reading}
+        return merged(units, units_table(cls.nested_units))
 
     def to_json(self) -> str:
         """The text that a command prints with `--json`: `nested`, with the SI unit in each key."""

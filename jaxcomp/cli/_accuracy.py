@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
-import platform
 from collections.abc import Iterator
-from importlib.metadata import version
 from typing import Any, Literal
 
 import jaxcomp as jc
 
-from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import changed_scene
 from ._output import Output, Partial
@@ -26,8 +22,6 @@ Study = Literal[
 _VARIABLE = "mechanism.crank_radius"
 _FILM = ("friction_number", "stiffness", "damping")
 _WITHOUT_EXCITATION = ("film", "cycle", "extremes")
-# Errors at which methods are compared.
-_DECADES = tuple(10.0**-n for n in range(2, 13))
 
 
 def accuracy(
@@ -87,7 +81,7 @@ def accuracy(
         if study == "extremes":
             found = work_precision.extremes(scene, None, progress)
             shown = (
-                extremes_result(found),
+                found,
                 lambda _: extremes_tables(found),
                 lambda: {"extremes": jc.plot.interface.extreme_errors(found)},
             )
@@ -95,43 +89,15 @@ def accuracy(
             if variable is None and study == "gradient" and quantity not in _FILM:
                 variable = _VARIABLE
             options = {"variable": variable, "excitation": excitation, "thorough": thorough}
-            options |= {"progress": progress, "keep": keep}
+            options |= {"progress": progress, "keep": keep, "error": error}
             report = work_precision.accuracy(scene, quantity, study, **options)
             shown = (
-                accuracy_result(report, error),
+                report,
                 lambda _: accuracy_tables(report, error),
                 lambda: jc.plot.interface.accuracy_figures(report, error),
             )
     partial.done()
     output.emit(*shown, scene)
-
-
-def accuracy_result(report: jc.study.accuracy.Report, error: float) -> dict[str, Any]:
-    """The report in SI units, with the recommendation and the machine it was measured on."""
-    reference, check = report.reference, report.derivatives
-    return {
-        **fields_of(report, "study", "scene", "quantity", "unit"),
-        "reference": reference._asdict() | {"floor": reference.floor},
-        **fields_of(report, "march", "calls"),
-        "error": error,
-        "recommended": report.cheapest(error),
-        "recommended_by_task": {
-            task: report.cheapest(error, task=task) for task in report.tasks if task
-        },
-        "rows": report.rows,
-        "cheapest": {
-            f"{at:g}": {method: _time(report, at, method) for method in report.methods}
-            for at in _reachable(report)
-        },
-        "derivatives": check and check._asdict() | {"ratio": check.ratio, "holds": check.holds},
-        "measured_on": _measured_on(),
-    }
-
-
-def extremes_result(found: jc.study.accuracy.Extremes) -> dict[str, Any]:
-    """Extreme cases with the machine they were measured on."""
-    result = {"study": "extremes", "scene": found.scene, "rows": found.cases}
-    return result | {"measured_on": _measured_on()}
 
 
 def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:
@@ -262,7 +228,7 @@ def _side_by_side(report: jc.study.accuracy.Report):
 
     def cells(at: float) -> Iterator[str]:
         for methods in report.tasks.values():
-            times = [_time(report, at, method) for method in methods]
+            times = [report.seconds(at, method) for method in methods]
             best = min((t for t in times if t), default=None)
             for own in times:
                 if own is None or best is None:
@@ -271,16 +237,10 @@ def _side_by_side(report: jc.study.accuracy.Report):
                     first = Markup(f"[bold]{_duration(best)}[/bold]")
                     yield first if own == best else _times(own / best)
 
-    columns = {f"{at:.0e}": list(cells(at)) for at in _reachable(report)}
+    columns = {f"{at:.0e}": list(cells(at)) for at in report.reachable}
     methods = [method for methods in report.tasks.values() for method in methods]
     title = "Time for an error of at most ..., and how many times as long other methods take"
     return _tight(column_table(title, {"Method": methods, **columns}))
-
-
-def _measured_on() -> dict[str, Any]:
-    versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
-    load, python = os.getloadavg()[0], platform.python_version()
-    return {"cores": os.cpu_count(), "load": load, "python": python, **versions}
 
 
 def _tight(table):
@@ -301,15 +261,6 @@ def _count(operations: float | None) -> str:
 
 def _times(ratio: float) -> str:
     return f"{float(f'{ratio:.3g}'):,.6g}x"
-
-
-def _reachable(report: jc.study.accuracy.Report) -> list[float]:
-    return [at for at in _DECADES if report.cheapest(at) is not None]
-
-
-def _time(report: jc.study.accuracy.Report, error: float, method: str) -> float | None:
-    best = report.cheapest(error, method)
-    return None if best is None else best.seconds
 
 
 def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.interface.Measurement) -> str:

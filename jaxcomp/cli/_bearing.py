@@ -14,12 +14,10 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
-from .._core.nested import fields_of, plain
 from ._output import Output, OutputWithoutScene
 from ._start import refuse, start_jax, waiting
 from ._tables import row_table, value_rows
 
-FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
 # How the film is described, and the classes of `jaxcomp.film` that do so.
 Model = Literal["reynolds", "grooved", "guembel", "ocvirk", "fit", "petroff", "loaded-petroff"]
 _CLASSES = {
@@ -140,12 +138,13 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
         _over_speed(part, given, bush.model, output)
         return
     with waiting("Solving the film (the first time it is compiled as well) ..."):
-        result, field = bearing_result(part, bush.model, given)
+        found = jc.film.steady_bearing(part, given["load"], given["speed"])
     output.emit(
-        result,
+        found,
         bearing_tables,
-        lambda: jc.plot.interface.film_figures(film_type, plain(result), field),
+        lambda: jc.plot.interface.film_figures(found, bush.model),
         written="Report, pictures and result",
+        beside={"model": bush.model},
     )
 
 
@@ -183,13 +182,13 @@ def _over_speed(part, given: dict[str, Any], model: str, output: Output) -> None
     """The friction of a bearing over its speed."""
     with waiting("Solving the films (the first time they are compiled as well) ..."):
         found = jc.film.stribeck_curve(part, given["load"], given["speed"])
-    rows = {one.name: one.values for one in found.described()}
     output.emit(
-        {"model": model, "limits": part.model.limits, **given, **rows},
+        found,
         lambda result: stribeck_tables(found, result),
         lambda: {"stribeck": jc.plot.stribeck(found)},
         curves={"stribeck": found.columns},
         written="Report, picture, stribeck.csv and result.json",
+        beside={"model": model},
     )
 
 
@@ -238,23 +237,13 @@ def _loaded(
     part = _part(given, _MOVING[model], bush.lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
         found = loaded_journal(part, table, given["speed"], **shares)
-    result = {
-        "model": model,
-        "limits": jc.film.interface.squeeze_of(part).limits,
-        "loads": str(loads),
-        "frame": table.frame,
-        "between": table.between,
-        **given,
-        "lands": bush.lands,
-        **_named(part),
-        **{one.name: one.values for one in found.described() if not one.dims},
-    }
     output.emit(
-        result,
+        found,
         lambda whole: loaded_tables(found, whole),
         lambda: jc.plot.interface.loaded_journal_figures(found),
         curves={"orbit": found.columns},
         written="Report, pictures, orbit.csv and result.json",
+        beside={"model": model, "loads": str(loads)},
     )
 
 
@@ -284,12 +273,6 @@ def loaded_tables(found, result: dict[str, Any]):
     yield escape(f"{result['model']}: {result['limits']}")
 
 
-def _named(bearing) -> dict[str, float]:
-    """The numbers of the contact of a bearing by name."""
-    contact = fields_of(bearing.contact, *_CONTACT.values()) if bearing.contact else {}
-    return {f"contact_{name}": float(value) for name, value in contact.items()}
-
-
 def _check(
     given: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
 ) -> None:
@@ -308,50 +291,6 @@ def _check(
         f"{size['length']} m: length/diameter must be {low:g} to {high:g} for "
         f"the model {model}, but is {ratio:.6g}",
     )
-
-
-def bearing_result(part, model: str, given: dict[str, float]) -> tuple[dict[str, Any], Any]:
-    """Operating point of a bearing as plain numbers in SI units, and its pressure field.
-
-    The keys are stable; new ones may join them. A number that the model does not give, or that is
-    infinite (the Sommerfeld number at no load), is None.
-    """
-    import equinox as eqx
-    import numpy as np
-
-    from .._core.results import readings_of
-
-    speed, sign = abs(given["speed"]), math.copysign(1.0, given["speed"])
-    solved = eqx.filter_jit(jc.film.operating_point)
-    found = solved(part, np.float64(given["load"]), np.float64(speed))
-    field = jc.film.pressure_field(part, found, speed)
-    point = plain(readings_of(found))
-    friction, bush = point.pop("friction_torque"), point.pop("bush_torque")
-    state = ("eccentricity_ratio", "attitude_angle", "sommerfeld_number", "phi_p", "phi_t")
-    result = {
-        "model": model,
-        "limits": part.model.limits,
-        "frame": FRAME,
-        **given,
-        **_named(part),
-        "length_ratio": float(part.length_ratio),
-        "clearance_ratio": float(part.clearance_ratio),
-        **{name: point.pop(name) for name in state},
-        "friction_torque": sign * friction,
-        "friction_power": friction * speed,
-        "bush_torque": None if bush is None else sign * bush,
-        "minimum_film": point.pop("minimum_film"),
-        "peak_pressure": None if field is None else field.peak_pressure,
-        "side_flow": None if field is None else field.side_flow,
-        **{name: _complete(value) for name, value in point.items()},
-    }
-    return result, field
-
-
-def _complete(value: Any) -> Any:
-    """`None` in place of a matrix of which an entry is missing."""
-    missing = isinstance(value, list) and any(entry is None for row in value for entry in row)
-    return None if missing else value
 
 
 def bearing_tables(result: dict[str, Any]):

@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded
-from .._core.nested import fields_of, plain, records
+from .._core.nested import plain, records
 from . import _options as opt
-from ._output import Output
-from ._rotor import header, points_and_range, pull_row, rotor_of, whirl
+from ._output import Output, header
+from ._rotor import points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, waiting
 from ._tables import Markup, row_table
-
-if TYPE_CHECKING:
-    import numpy as np
 
 _HERTZ = 1 / (2 * math.pi)
 # Damping above which no response has a peak.
 _NO_PEAK = math.sqrt(0.5)
-# What files have of every mode.
-_IN_FILES = ("frequency", "damping_ratio", "whirl")
 
 
 def modes(
@@ -58,101 +53,20 @@ def modes(
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, *(() if free else (points, range_)))
     with waiting():
-        result, found = modes_result(scene, model, points, count, free, not undamped)
-        if range_ is not None:
-            result["campbell"] = campbell_result(model, range_, count, not undamped)
-    result = plain(result | case.changes)
-
-    def figures():
-        shapes = jc.plot.interface.mode_shapes(model, found[0], result)
-        drawn = {"rotor": jc.plot.interface.rotor_drawing(model), "modes": shapes}
-        if "campbell" in result:
-            drawn["campbell"] = jc.plot.interface.campbell_diagram(result["campbell"])
-        return drawn
-
-    curves = {"modes": lambda: modes_columns(result)}
-    if "campbell" in result:
-        curves["campbell"] = lambda: campbell_columns(result["campbell"])
-    output.emit(result, lambda whole: modes_tables(whole, overdamped), figures, scene, curves)
-
-
-def modes_result(
-    scene: jc.scene.Scene,
-    model: jc.rotor.RotorModel,
-    speeds: np.ndarray,
-    count: int,
-    free: bool,
-    damping: bool,
-) -> tuple[dict[str, Any], list[jc.rotor.DampedModes]]:
-    """Modes at single speeds."""
-    import numpy as np
-
-    found = [jc.rotor.damped_modes(model, s, count, free=free, damping=damping) for s in speeds]
-
-    def listed(one):
-        subsets = _leading_subset(model, one)
-        return [
-            {
-                "frequency": one.frequency[i],
-                "damping_ratio": one.damping_ratio[i],
-                "growth": one.eigenvalue[i].real,
-                "whirl": one.whirl[i],
-                "subset": subsets[i],
-            }
-            for i in np.flatnonzero(np.isfinite(np.asarray(one.eigenvalue)))
-        ]
-
-    result = {
-        **header(scene, model, free),
-        "speeds": speeds,
-        "free": free,
-        "damping": damping,
-        "modes": [*map(listed, found)],
-        "stable": [bool(one.stable) for one in found],
-        "growth": [one.growth for one in found],
-    }
-    return result, found
-
-
-def campbell_result(
-    model: jc.rotor.RotorModel, speeds: np.ndarray, count: int, damping: bool
-) -> dict[str, Any]:
-    """Frequencies over the spin speed, and where they meet the speed itself."""
-    found = jc.rotor.campbell(model, speeds, count, damping=damping)
-    critical = jc.rotor.interface.critical_speeds_between(model, speeds, count, damping=damping)
-    return {
-        "speeds": speeds,
-        **fields_of(found, "frequency", "damping_ratio", "whirl"),
-        "critical_speeds": [
-            {"speed": w, "growth": g, "damping_ratio": -g / math.hypot(g, w)}
-            for w, g in zip(critical.speed, critical.growth, strict=True)
-        ],
-    }
-
-
-def modes_columns(result: dict[str, Any]) -> dict[str, Any]:
-    """Modes at the single speeds, a row for each."""
-    pairs = zip(result["speeds"], result["modes"], strict=True)
-    return _columns(
-        (speed, number, *(mode[key] for key in _IN_FILES))
-        for speed, modes in pairs
-        for number, mode in enumerate(modes, 1)
+        found = jc.vibration.rotor_modes(
+            model, points, count, over=range_, free=free, damping=not undamped
+        )
+    curves, diagram = {"modes": found.columns}, found.campbell
+    if diagram is not None:
+        curves["campbell"] = lambda: plain(diagram.columns())
+    output.emit(
+        found,
+        lambda whole: modes_tables(whole, overdamped),
+        lambda: jc.plot.interface.rotor_modes_figures(found),
+        scene,
+        curves,
+        beside=header(scene) | case.changes,
     )
-
-
-def campbell_columns(found: dict[str, Any]) -> dict[str, Any]:
-    """Modes along the range of a Campbell diagram, a row for each."""
-    lists = zip(*(found[key] for key in ("speeds", *_IN_FILES)), strict=True)
-    return _columns(
-        (speed, number, *values)
-        for speed, *modes in lists
-        for number, values in enumerate(zip(*modes, strict=True), 1)
-    )
-
-
-def _columns(rows: Iterable[tuple]) -> dict[str, Any]:
-    names = ("speed [rad/s]", "mode", "frequency [rad/s]", "damping_ratio", "whirl")
-    return dict(zip(names, [*zip(*rows, strict=True)] or [()] * 5, strict=True))
 
 
 def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[Any]:
@@ -205,21 +119,6 @@ def _critical(found):
     more = f"{hidden} more with a damping above 70 %, which gives no peak"
     heads = ("rpm", ("Hz", ".5g"), ("Damping, %", ".3g"))
     return row_table("Critical speeds", heads, rows, caption=more if hidden else None)
-
-
-def _leading_subset(model, modes):
-    """Name of the subset that moves most."""
-    import numpy as np
-
-    names, words = jc.rotor.interface.node_names(model), jc.rotor.interface.subset_names(model)
-    groups = [
-        np.array([names.index(n) for n in group]) for group in jc.rotor.interface.subsets(model)
-    ]
-    size = np.abs(np.asarray(modes.shape))[..., :2].max(-1)
-    return [
-        words[int(np.argmax([mode[g].max() for g in groups]))] if np.all(np.isfinite(mode)) else ""
-        for mode in size
-    ]
 
 
 # ------------------------------------------------------------------- update

@@ -20,7 +20,7 @@ from .._core.interrupts import removed_when_stopped, words_when_stopped
 from .._core.nested import Table, merged, plain, with_units
 from ._options import AsJson, Out, OutWithoutScene
 from ._start import command_line, command_name, waiting
-from ._units import table_of
+from ._units import beside_of, table_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -85,15 +85,17 @@ class Output:
 
 def _numbers_and_units(found: Any, beside: Mapping[str, Any]) -> tuple[dict[str, Any], Table]:
     """Plain numbers of a command, and the units of their keys."""
+    command = command_name()
     if isinstance(found, Mapping):
-        return plain({**beside, **found}), table_of(command_name())
-    from .._core.results import Result
+        return plain({**beside, **found}), table_of(command)
+    return plain({**beside, **found.nested()}), merged(beside_of(command), found.units_of_nested())
 
-    results = {name: one for name, one in beside.items() if isinstance(one, Result)}
-    numbers = {name: one.nested() for name, one in results.items()}
-    units = {name: one.units_of_nested() for name, one in results.items()}
-    units |= merged(table_of(command_name()), found.units_of_nested())
-    return plain({**beside, **numbers, **found.nested()}), units
+
+def header(scene: "Scene") -> dict[str, Any]:
+    """What stands in front of the numbers of one machine."""
+    from importlib.metadata import version
+
+    return {"machine": scene.name, "file": scene.file, "version": version("jaxcomp")}
 
 
 @dataclass(frozen=True)

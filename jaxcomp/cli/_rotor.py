@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 import jaxcomp as jc
@@ -67,25 +66,6 @@ def chosen_excitation(scene: jc.scene.Scene, given: opt.Excitation | None) -> op
     except jc.BadInput:
         missing = "loads.crank: is missing; --excitation crank needs it"
         raise CommandError(f"{scene.file}: {missing}") from None
-
-
-def header(scene: jc.scene.Scene, model: jc.rotor.RotorModel, free: bool = False) -> dict[str, Any]:
-    """What the results of rotors have in common."""
-    # hanging free a rotor has no bearings that could hold it against the magnetic pull
-    pulled = model.magnetic_pulls and not free
-    groups = zip(
-        jc.rotor.interface.subset_names(model), jc.rotor.interface.subsets(model), strict=True
-    )
-    return {
-        "machine": scene.name,
-        "file": scene.file,
-        "version": version("jaxcomp"),
-        "degrees_of_freedom": model.dof,
-        "subsets": {name: [str(node) for node in group] for name, group in groups},
-        "magnetic_pull_limit": float(jc.rotor.interface.magnetic_pull_limit(model))
-        if pulled
-        else None,
-    }
 
 
 def pull_row(result: dict[str, Any]):

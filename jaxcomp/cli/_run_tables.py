@@ -11,19 +11,10 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, axes_words, shown
-from .._core.registry import Quantity, registered
 from ._tables import Markup, row_table, words
 
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
-
-
-def of_the_crank(machine) -> tuple[Quantity, ...]:
-    """The quantities of the periodic state of crank and gas that a machine has."""
-    rotor = {"vibration", "rotor", "balancing"}
-    return tuple(
-        one for one in registered() if not rotor & set(one.needs) and not one.missing(machine)
-    )
 
 
 def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
@@ -69,7 +60,7 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         "speed_fluctuation": f"{low} to {high} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for one in of_the_crank(scene.machine):
+    for one in jc.study.interface.crank_quantities(scene.machine):
         if one.name not in result or one.name in _IN_OTHER_TABLES:
             continue
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))

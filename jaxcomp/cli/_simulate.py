@@ -11,7 +11,7 @@ import typer
 import jaxcomp as jc
 
 from . import _options as opt
-from ._output import Output
+from ._output import Output, header
 from ._start import refuse, waiting
 from ._tables import row_table, value_rows, words
 
@@ -81,12 +81,6 @@ def simulate(
             until_rest=not swing_back,
             options=jc.crank.TimeIntegration(method, tolerance, steps, samples or listed),
         )
-    result = simulate_result(scene, found) | {
-        "solver": "Dormand and Prince, events located" if valves else solver,
-        "tolerance": tolerance,
-        "power_off": off,
-        **case.changes,
-    }
 
     def figures():
         made = {"motion": jc.plot.interface.transient_figure(found, scene.name, off)}
@@ -94,7 +88,15 @@ def simulate(
             made["gas"] = jc.plot.interface.transient_gas_figure(found, scene.name, off)
         return made
 
-    output.emit(result, simulate_tables, figures, scene, {"motion": found.columns})
+    beside = {
+        **header(scene),
+        "solver": "Dormand and Prince, events located" if valves else solver,
+        "tolerance": tolerance,
+        "power_off": off,
+        **case.changes,
+    }
+    curves = {"motion": found.columns}
+    output.emit(found, simulate_tables, figures, scene, curves, beside=beside)
 
 
 def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:
@@ -106,43 +108,6 @@ def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> 
     refuse(turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves")
     steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
     return steps, 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
-
-
-def simulate_result(scene: jc.scene.Scene, found: jc.crank.Transient) -> dict[str, Any]:
-    """The motion in plain numbers in SI units, and what came out of cylinders with valves."""
-    import numpy as np
-
-    from .._core.status import Status
-
-    time, angle, speed = (np.asarray(x) for x in (found.time, found.state.angle, found.state.speed))
-    energy, gas, of_gas = found.energy, found.gas, {}
-    if gas is not None:
-        of_gas = {
-            "delivered_mass": np.sum(gas.totals.discharge),
-            "highest_pressure": np.max(gas.pressure),
-            "highest_temperature": np.max(gas.temperature),
-        }
-    return {
-        "machine": scene.name,
-        "file": scene.file,
-        "end_time": found.end_time,
-        "stopped": found.stopped,
-        "revolutions": (angle[-1] - angle[0]) / (2 * np.pi),
-        "end_angle": angle[-1],
-        "end_speed": speed[-1],
-        "highest_speed": speed.max(),
-        "time_of_highest_speed": time[speed.argmax()],
-        "motor_work": energy.motor_work[-1],
-        "gas_work": energy.gas_work[-1],
-        "losses": {name: work[-1] for name, work in energy.losses.items()},
-        "kinetic_energy_gained": found.kinetic_energy[-1] - found.kinetic_energy[0],
-        "energy_residual": found.residual[-1],
-        **of_gas,
-        "steps": found.steps,
-        "converged": Status[found.status] == "converged",
-        "status": Status[found.status],
-        "course": {"time": time, "angle": angle, "speed": speed},
-    }
 
 
 def simulate_tables(result: dict[str, Any]) -> Iterator[Any]:

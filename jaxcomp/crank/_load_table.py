@@ -8,7 +8,7 @@ $\beta = \int_0^\theta \omega_i/\omega\,d\theta$, so that they are the fixed one
 import dataclasses as dc
 import math
 from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -19,11 +19,13 @@ from scipy.interpolate import CubicSpline
 from .._core.arguments import single_number
 from .._core.errors import BadInput
 from .._core.fields import rebuilt
+from .._core.nested import fields_of
 from .._core.polynomials import cubics, gauss
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from .._core.words import one_of
 from ..film import JournalBearing
+from ..film.interface import SIZES, sizes_of, squeeze_of
 from ._films import JournalFilm, roughness_of
 from ._journal_orbit import journal_orbit
 
@@ -260,6 +262,18 @@ class LoadedJournal(Result, eqx.Module):
     status: Status
 
     table_dims: ClassVar[tuple[str, ...]] = ("angle",)
+    nested_units: ClassVar[str] = f"""{SIZES}
+        speed [rad/s]; minimum_film, film_error, table_error, steady_film [m]; peak_pressure [Pa]
+        table_period, minimum_film_angle [rad]; mean_side_flow [m^3/s]; temperature_rise_of_oil [K]
+        mean_loss, mean_shear_loss, mean_squeeze_loss, mean_contact_loss [W]; thin_share
+    """
+
+    def nested(self) -> dict[str, Any]:
+        """The bearing, how the table was read, and what is found over a period."""
+        numbers = {one.name: one.values for one in self.described() if not one.dims}
+        limits = {"limits": squeeze_of(self.bearing).limits}
+        table = fields_of(self.table, "frame", "between")
+        return limits | table | sizes_of(self.bearing) | numbers
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""

@@ -9,10 +9,11 @@ the inertias with the crank angle is left out.
 """
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
@@ -167,22 +168,43 @@ class TrainTorques(Result, eqx.Module):
         amplitude: [N m] (s, h) complex amplitudes of the harmonics of time.
         frequency: [rad/s] (h,)
         peak: [N m] (s,) largest size over the revolution.
+        natural_frequencies: [rad/s] (s,) of the train, without the free rotation.
     """
 
     mean: Float[Array, " s"]
     amplitude: Complex[Array, "s h"]
     frequency: Float[Array, " h"]
     peak: Float[Array, " s"]
+    natural_frequencies: Float[Array, " s"]
 
     table_dims: ClassVar[tuple[str, ...]] = ("spring",)
+    nested_units: ClassVar[str] = """
+        natural_frequencies, critical_speeds [rad/s]; mean_torque, peak_torque [N m]
+        largest_order
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         yield Data("spring", "", jnp.arange(1, self.mean.shape[-1] + 1), ("spring",))
         yield Data("mean_torque", "N m", self.mean, ("spring",))
         yield Data("peak_torque", "N m", self.peak, ("spring",))
+        yield Data("natural_frequency", "rad/s", self.natural_frequencies, ("mode",))
         yield Data("frequency", "rad/s", self.frequency, ("harmonic",))
         yield Data("torque", "N m", self.amplitude, ("spring", "harmonic"))
+
+    def nested(self) -> dict[str, Any]:
+        """Frequencies, mean speeds at which orders 1 to 8 meet them, and the torques of the springs.
+
+        The mean torque is that of the motor, towards the crank.
+        """
+        frequencies = np.asarray(self.natural_frequencies)
+        return {
+            "natural_frequencies": frequencies,
+            "critical_speeds": {str(order): frequencies / order for order in range(1, 9)},
+            "mean_torque": -np.asarray(self.mean),
+            "peak_torque": self.peak,
+            "largest_order": 1 + np.argmax(np.abs(self.amplitude), axis=1),
+        }
 
 
 def train_torques(
@@ -224,7 +246,7 @@ def _spring_torques(
     mean = -jnp.cumsum(torque @ duration / jnp.sum(duration))[:-1]
     waves = jnp.exp(1j * frequency[:, None] * jnp.linspace(0, 2 * jnp.pi, 361) / frequency[0])
     peak = jnp.max(jnp.abs(mean[:, None] + jnp.real(amplitude @ waves)), axis=1)
-    return TrainTorques(mean, amplitude, frequency, peak)
+    return TrainTorques(mean, amplitude, frequency, peak, chain.natural_frequencies[1:])
 
 
 def train_over_speed(

@@ -8,11 +8,13 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, replaced
+from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
@@ -61,6 +63,12 @@ class Transient(Result, eqx.Module):
 
     table_dims: ClassVar[tuple[str, ...]] = ("time",)
     not_saved: ClassVar[tuple[str, ...]] = ("_dense",)
+    nested_units: ClassVar[str] = """
+        end_time, time_of_highest_speed [s]; end_speed, highest_speed [rad/s]; end_angle [rad]
+        motor_work, gas_work, losses, kinetic_energy_gained [J]; revolutions, energy_residual, steps
+        delivered_mass [kg]; highest_pressure [Pa]; highest_temperature [K]
+        course: time [s]; angle [rad]; speed [rad/s]
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
@@ -80,6 +88,34 @@ class Transient(Result, eqx.Module):
             yield Data(f"eccentricity.{name}", "", jnp.hypot(x, y), at, "over the clearance")
         if self.gas is not None:
             yield from _of_gas(self.gas, at)
+
+    def nested(self) -> dict[str, Any]:
+        """The end of the motion, works up to it, what came out of valves, and the course."""
+        time, angle, speed = map(np.asarray, (self.time, self.state.angle, self.state.speed))
+        energy, gas, of_gas = self.energy, self.gas, {}
+        if gas is not None:
+            of_gas = {
+                "delivered_mass": np.sum(gas.totals.discharge),
+                "highest_pressure": np.max(gas.pressure),
+                "highest_temperature": np.max(gas.temperature),
+            }
+        return {
+            **fields_of(self, "end_time", "stopped", "steps"),
+            "revolutions": (angle[-1] - angle[0]) / (2 * np.pi),
+            "end_angle": angle[-1],
+            "end_speed": speed[-1],
+            "highest_speed": speed.max(),
+            "time_of_highest_speed": time[speed.argmax()],
+            "motor_work": energy.motor_work[-1],
+            "gas_work": energy.gas_work[-1],
+            "losses": {name: work[-1] for name, work in energy.losses.items()},
+            "kinetic_energy_gained": self.kinetic_energy[-1] - self.kinetic_energy[0],
+            "energy_residual": self.residual[-1],
+            **of_gas,
+            "converged": Status[self.status] == "converged",
+            "status": Status[self.status],
+            "course": {"time": time, "angle": angle, "speed": speed},
+        }
 
     @property
     def residual(self) -> Float[Array, " n"]:

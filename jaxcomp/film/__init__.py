@@ -9,8 +9,10 @@ from ._film import DynamicCoefficients as DynamicCoefficients
 from ._film import dynamic_coefficients as dynamic_coefficients
 from ._operating import OperatingPoint as OperatingPoint
 from ._operating import PressureField as PressureField
+from ._operating import SteadyBearing as SteadyBearing
 from ._operating import operating_point as operating_point
 from ._operating import pressure_field as pressure_field
+from ._operating import steady_bearing as steady_bearing
 from ._parts import AbstractJournal as AbstractJournal
 from ._parts import AbstractOil as AbstractOil
 from ._parts import GradedOil as GradedOil

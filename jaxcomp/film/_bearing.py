@@ -6,13 +6,14 @@ Mathematical model*, M = eta omega L D R Phi_T/psi.
 """
 
 import math
-from typing import ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, quantity
+from .._core.nested import fields_of
 from ._contact import LEAST_CLEARANCE, AsperityContact, MixedFilm, MixedSqueeze, RingContact
 from ._film import REST_SPEED, AbstractFilm, AbstractSolvedFilm, Scalar, film_ratio, smooth_speed
 from ._parts import AbstractJournal, check_oil, oil_viscosity, within
@@ -250,6 +251,24 @@ def contact_moment(
     x = film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     return unit * speed * film.rubbing(x)
+
+
+# Units of `sizes_of`.
+SIZES = """
+    length, diameter, clearance, contact_roughness [m]; viscosity [Pa s]; contact_modulus [Pa]
+    lands, contact_coefficient, contact_elastic_factor
+"""
+
+
+def sizes_of(bearing: JournalBearing) -> dict[str, Any]:
+    """Dimensions, viscosity, film and contact of a bearing, as results show them."""
+    contact = vars(bearing.contact) if bearing.contact else {}
+    return {
+        **fields_of(bearing, "film", "lands", "length", "diameter"),
+        "clearance": bearing.radial_clearance,
+        "viscosity": bearing.dynamic_viscosity,
+        **{f"contact_{name}": value for name, value in contact.items()},
+    }
 
 
 def squeeze_of(bearing: JournalBearing) -> AbstractSqueeze:

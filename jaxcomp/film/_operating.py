@@ -1,5 +1,8 @@
 r"""Operating point of a journal bearing under a steady load, and the pressure in its film."""
 
+import dataclasses
+import math
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -7,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.results import Result, reading
+from .._core.nested import Table, fields_of, merged
+from .._core.results import Data, Result, reading, readings_of
 from ._bearing import (
+    SIZES,
     JournalBearing,
     contact_moment,
     film_at,
@@ -16,6 +21,7 @@ from ._bearing import (
     load_number,
     prepare,
     ring_contact,
+    sizes_of,
 )
 from ._film import (
     AbstractCarryingFilm,
@@ -36,6 +42,7 @@ from .reynolds import Reynolds
 # thinner film follows from its growth with the power -1.5 of the thickness.
 _LEAST_THICKNESS = 1e-4
 _GRIDS = ((60, 8), (120, 16), (240, 32))
+_FRAME = "x along the load on the journal, y = x turned by 90 degrees with rotation"
 # Of the force and of the motion that stiffness and damping stand for.
 _AXES = ("force", "motion")
 
@@ -105,6 +112,86 @@ class PressureField(Result, eqx.Module):
     table_dims: ClassVar[tuple[str, ...]] = ("angle", "zeta")
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SteadyBearing(Result):
+    """A bearing under a steady load.
+
+    Attributes:
+        bearing: with its film model.
+        load: [N] on the journal.
+        speed: [rad/s] of the journal; negative against the sense in which angles count.
+        point: its operating point, at the size of the speed.
+        field: the pressure in its film; `None` where the film model gives none.
+    """
+
+    bearing: JournalBearing
+    load: float
+    speed: float
+    point: OperatingPoint
+    field: PressureField | None
+
+    table_dims: ClassVar[tuple[str, ...]] = _AXES
+    nested_units: ClassVar[str] = f"""{SIZES}
+        load [N]; speed [rad/s]; friction_power [W]; peak_pressure [Pa]; side_flow [m^3/s]
+        length_ratio, clearance_ratio
+    """
+
+    @classmethod
+    def units_of_nested(cls) -> Table:
+        """The unit of every number of `nested`."""
+        return merged(OperatingPoint.units_of_nested(), super().units_of_nested())
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; `field` has those of the film."""
+        yield Data("load", "N", self.load)
+        yield Data("speed", "rad/s", self.speed)
+        yield from self.point.described()
+        if self.field is not None:
+            yield Data("peak_pressure", "Pa", self.field.peak_pressure)
+            yield Data("side_flow", "m^3/s", self.field.side_flow, doc="through both ends")
+
+    def nested(self) -> dict[str, Any]:
+        """The bearing with load and speed, and its operating point.
+
+        A number that the model does not give, or that is infinite (the Sommerfeld number at no load),
+        is `None`, and so is a matrix of which an entry is missing.
+        """
+        numbers = {
+            name: None if np.ndim(value) and not np.all(np.isfinite(value)) else value
+            for name, value in readings_of(self.point).items()
+        }
+        for name in ("friction_torque", "bush_torque"):
+            if numbers[name] is not None:
+                numbers[name] = math.copysign(1.0, self.speed) * float(numbers[name])
+        return {
+            "limits": self.bearing.model.limits,
+            "frame": _FRAME,
+            **sizes_of(self.bearing),
+            **fields_of(self, "load", "speed"),
+            **fields_of(self.bearing, "length_ratio", "clearance_ratio"),
+            **numbers,
+            "friction_power": numbers["friction_torque"] * self.speed,
+            "peak_pressure": None if self.field is None else self.field.peak_pressure,
+            "side_flow": None if self.field is None else self.field.side_flow,
+        }
+
+
+def steady_bearing(bearing: JournalBearing, load: float, speed: float) -> SteadyBearing:
+    """Run a bearing under a steady load: its operating point and the pressure in its film.
+
+    Args:
+        bearing: with its film model.
+        load: [N] on the journal, >= 0.
+        speed: [rad/s] of the journal, not 0.
+
+    >>> found = steady_bearing(JournalBearing(0.04, 0.02, 30e-6, 0.02), 2000.0, 300.0)
+    >>> print(f"{found.point.eccentricity_ratio:.3f}, {found.field.peak_pressure / 1e6:.2f} MPa")
+    0.714, 7.89 MPa
+    """
+    point = _operating_point(bearing, np.float64(load), np.float64(abs(speed)))
+    return SteadyBearing(bearing, load, speed, point, pressure_field(bearing, point, abs(speed)))
+
+
 def operating_point(
     bearing: JournalBearing, load: Float[Array, ""], speed: Float[Array, ""]
 ) -> OperatingPoint:
@@ -150,6 +237,9 @@ def operating_point(
         friction_torque=friction_moment(part, load, speed, **still),
         **known,
     )
+
+
+_operating_point = eqx.filter_jit(operating_point)
 
 
 def pressure_field(

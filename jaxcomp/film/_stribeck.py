@@ -1,7 +1,7 @@
 """Friction of a bearing over its speed at one load: the curve of Stribeck."""
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._core.arguments import single_number
 from .._core.errors import BadInput
 from .._core.results import Data, Result
-from ._bearing import JournalBearing, film_at, film_unit, load_number, prepare
+from ._bearing import SIZES, JournalBearing, film_at, film_unit, load_number, prepare, sizes_of
 from ._contact import MixedFilm
 from ._film import AbstractCarryingFilm, film_ratio
 
@@ -39,6 +39,10 @@ class StribeckCurve(Result, eqx.Module):
     contact_load: Float[Array, " n"]
 
     table_dims: ClassVar[tuple[str, ...]] = ("speed",)
+    nested_units: ClassVar[str] = f"""{SIZES}
+        load, contact_load [N]; least_friction_speed, speed [rad/s]; minimum_film [m]
+        friction_torque, contact_torque [N m]; friction_coefficient, film_over_roughness
+    """
 
     @property
     def friction_coefficient(self) -> Float[Array, " n"]:
@@ -71,6 +75,11 @@ class StribeckCurve(Result, eqx.Module):
         if self.bearing.contact is not None:
             over = self.minimum_film / self.bearing.contact.roughness
             yield Data("film_over_roughness", "", over, at)
+
+    def nested(self) -> dict[str, Any]:
+        """The bearing, and its friction over the speed."""
+        limits = {"limits": self.bearing.model.limits}
+        return limits | sizes_of(self.bearing) | {d.name: d.values for d in self.described()}
 
 
 @eqx.filter_jit

@@ -1,5 +1,6 @@
 """What packages that are built on this one take from it, and users need not."""
 
+from ._bearing import SIZES as SIZES
 from ._bearing import PreparedBearing as PreparedBearing
 from ._bearing import contact_moment as contact_moment
 from ._bearing import entrainment_speed as entrainment_speed
@@ -9,6 +10,7 @@ from ._bearing import load_number as load_number
 from ._bearing import moving_film as moving_film
 from ._bearing import prepare as prepare
 from ._bearing import ring_contact as ring_contact
+from ._bearing import sizes_of as sizes_of
 from ._bearing import squeeze_of as squeeze_of
 from ._contact import MixedFilm as MixedFilm
 from ._contact import MixedSqueeze as MixedSqueeze

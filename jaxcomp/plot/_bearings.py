@@ -11,10 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from .._core.display import RPM, shown
+from .._core.errors import BadInput
+from .._core.nested import plain
 from ..compressor import Compressor
 from ..crank import JournalFilm, LoadedJournal, Orbit, journal_films
 from ..crankshaft.interface import bearing_names
-from ..film import AbstractFilm, AbstractSolvedFilm, PressureField, StribeckCurve
+from ..film import AbstractSolvedFilm, SteadyBearing, StribeckCurve
 from ..film.interface import coefficients_per_load, film_ratio
 from ..mechanism import SliderLink
 from . import _style as style
@@ -244,39 +246,42 @@ def stribeck(curve: StribeckCurve) -> Figure:
     return figure
 
 
-def film_figures(
-    film: type[AbstractFilm], result: dict[str, Any], field: PressureField | None
-) -> dict[str, Figure]:
+def film_figures(found: SteadyBearing, model: str = "") -> dict[str, Figure]:
     """All pictures by name; those that the film model does not give are left out.
 
     Args:
-        film: type of the film model.
-        result: what `jaxcomp bearing --json` prints.
-        field: of the pressure over angle and length; `None` leaves its picture out.
+        found: of `jaxcomp.film.steady_bearing`.
+        model: name of the film model in the titles; the bearing's own if absent.
     """
     figures = {}
-    if field is not None:
-        figures["pressure"] = film_pressure(result, field)
-    if issubclass(film, AbstractSolvedFilm):
-        figures["coefficients"] = film_coefficients(film, result)
+    if found.field is not None:
+        figures["pressure"] = film_pressure(found, model)
+    if issubclass(found.bearing.model, AbstractSolvedFilm):
+        figures["coefficients"] = film_coefficients(found, model)
     return figures
 
 
-def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
+def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     """Pressure over the unrolled bearing, and along its mid-plane with the film thickness.
 
     Args:
-        result: what `jaxcomp bearing --json` prints.
-        field: pressure over angle and length.
+        found: of `jaxcomp.film.steady_bearing`, with a field of pressure.
+        model: as in `film_figures`.
+
+    Raises:
+        BadInput: a film model that gives no pressure.
     """
-    angle, ratio = np.degrees(field.angle), result["eccentricity_ratio"]
-    title = f"Film pressure, {result['model']}, eccentricity ratio {ratio:.4g}"
+    field, point, bearing = found.field, found.point, found.bearing
+    if field is None or point.eccentricity_ratio is None or point.attitude_angle is None:
+        raise BadInput("found", f"of the film {bearing.film}", "with a field of pressure")
+    angle, ratio = np.degrees(field.angle), float(point.eccentricity_ratio)
+    title = f"Film pressure, {model or bearing.film}, eccentricity ratio {ratio:.4g}"
     figure, (above, below) = style.stacked(2, (7.2, 5.6), title)
     # both halves of the bearing, of which the field has one
     along, pressure = (
         np.concatenate([sign * half[:0:-1], half])
         for half, sign in (
-            (field.zeta * result["length"] / 2 * 1e3, -1),
+            (field.zeta * float(bearing.length) / 2 * 1e3, -1),
             (field.pressure.T / 1e6, 1),
         )
     )
@@ -284,7 +289,7 @@ def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
         shades = above.contourf(angle, along, pressure, levels=12, cmap="Blues")
         style.colour_bar(above, shades, "Pressure, MPa", (angle, along, pressure))
     above.set_ylabel("Along the bearing, mm")
-    peak = result["peak_pressure"] / 1e6
+    peak = field.peak_pressure / 1e6
     middle, label = field.pressure[:, 0] / 1e6, f"Pressure, peak {peak:.4g} MPa"
     below.plot(angle, middle, color="#0072B2", linewidth=1.7, label=label)
     below.set(ylim=(0, None if peak > 0 else 1), ylabel="Pressure in the mid-plane, MPa",
@@ -292,8 +297,8 @@ def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
     other = below.twinx()
     other.spines[["top"]].set_visible(False)
     other.tick_params(colors=style.INK, labelsize=8.5)
-    closest = np.degrees(result["attitude_angle"])
-    thickness = result["clearance"] * 1e6 * (1 - ratio * np.cos(np.radians(angle - closest)))
+    closest, gap = np.degrees(float(point.attitude_angle)), float(bearing.radial_clearance)
+    thickness = gap * 1e6 * (1 - ratio * np.cos(np.radians(angle - closest)))
     other.plot(angle, thickness, color=style.INK, linewidth=1.1, linestyle="--")
     other.set_ylim(0, None)
     other.set_ylabel("Film thickness, µm", fontsize=9)
@@ -305,17 +310,22 @@ def film_pressure(result: dict[str, Any], field: PressureField) -> Figure:
     return figure
 
 
-def film_coefficients(film: type[AbstractFilm], result: dict[str, Any]) -> Figure:
+def film_coefficients(found: SteadyBearing, model: str = "") -> Figure:
     """Dimensionless stiffness and damping over the Sommerfeld number, with the running point.
 
     Negative entries are drawn dashed, by magnitude: the axes are logarithmic.
+
+    Args:
+        found: of `jaxcomp.film.steady_bearing`, with a film that gives a position.
+        model: as in `film_figures`.
     """
+    film, result = found.bearing.model, plain(found)
     # far enough both ways to show the light load, the heavy load and this one
     here, length_ratio = result["phi_p"] or 1.0, result["length_ratio"]
     loads = np.geomspace(min(1e-2, here / 3), max(1e2, 3 * here), 161)
     eccentricity, *curves = _curves(film, jnp.asarray(length_ratio), jnp.asarray(loads))
     number, running = 1 / (2 * np.pi * loads), result["sommerfeld_number"]
-    title = f"Coefficients over the load, {result['model']}, L/D = {length_ratio:.4g}"
+    title = f"Coefficients over the load, {model or result['film']}, L/D = {length_ratio:.4g}"
     figure, axes = style.stacked(3, (7.2, 7.4), title)
     points = result["dimensionless_stiffness"], result["dimensionless_damping"]
     rows = zip(axes[:2], curves, points, ("c K/W", "c ω C/W"), strict=True)

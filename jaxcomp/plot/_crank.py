@@ -5,6 +5,7 @@ angles run from -180 to 180 degrees with the top dead centre at zero (exactly so
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,6 +23,7 @@ from ..crankshaft import MainBearings
 from ..film import JournalBearing
 from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
+from ..study import SteadyState
 from ..vibration import Suspension, shaking_wrench
 from . import _style as style
 from ._animate import machine_views
@@ -32,6 +34,16 @@ from ._vibration import free_body_errors, shaking_force, vibration_orbits
 
 _TORQUE = "Torque in the sense of rotation, N m"
 _ORDERS = 12
+
+
+def steady_state_figures(found: SteadyState) -> dict[str, Figure]:
+    """All pictures of a machine's periodic state by name; those of absent parts are left out."""
+    parts: Any = found.machine.parts
+    figures = orbit_figures(found.compressor, found.orbit, parts.get("suspension"))
+    if "torsion" in parts:
+        train = parts["torsion"]
+        figures["torsion"] = torsion_over_speed(found.compressor, found.orbit, train)
+    return figures
 
 
 def orbit_figures(

@@ -7,7 +7,7 @@ shown, which is what correction masses act on.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +17,9 @@ from matplotlib.patches import Rectangle
 from .._core.display import RPM
 from .._core.errors import BadInput
 from .._core.words import one_of
-from ..rotor import DampedModes, Response, RotorModel, orbit
+from ..rotor import CampbellDiagram, DampedModes, Response, RotorModel, RotorModes, orbit
 from ..rotor.interface import node_names, node_positions, subset_names, subsets
+from ..vibration import MotionOverSpeed, RotorMotion
 from . import _style as style
 from ._animate import Motion
 
@@ -87,31 +88,51 @@ def rotor_drawing(model: RotorModel) -> Figure:
     return figure
 
 
-def response_curves(
-    result: Mapping[str, Any] | Response, nodes: Sequence[str | int] = ()
-) -> Figure:
+def rotor_modes_figures(found: RotorModes) -> dict[str, Figure]:
+    """The rotor, its mode shapes and its Campbell diagram, by name."""
+    figures = {"rotor": rotor_drawing(found.model), "modes": mode_shapes(found)}
+    if found.campbell is not None:
+        figures["campbell"] = campbell_diagram(found.campbell)
+    return figures
+
+
+def rotor_motion_figures(found: RotorMotion) -> dict[str, Figure]:
+    """The rotor, its deflection, the orbits of watched nodes and curves over the speed, by name."""
+    figures = {
+        "rotor": rotor_drawing(found.model),
+        "shape": deflection_shape(found.model, found.response),
+        "orbits": response_orbits(found),
+    }
+    if found.curves is not None:
+        figures["curves"] = response_curves(found)
+    return figures
+
+
+def response_curves(found: RotorMotion | Response, nodes: Sequence[str | int] = ()) -> Figure:
     """Major axis of the orbits over the speed, one axes an order.
 
     Args:
-        result: of `respond` over orders and speeds, or of `jaxcomp respond` with its curves.
-        nodes: of the response, by name; those that move most if absent.
+        found: of `respond` over orders and speeds, or of `rotor_motion` over a range of speeds.
+        nodes: of a response, by name; those that move most if absent.
 
     Raises:
         BadInput: a response without orders and speeds, or a node that it does not have.
     """
-    if isinstance(result, Response):
-        result = _curves_of(result, [str(node) for node in nodes])
-    orders, curves = result["orders"], result["curves"]
-    size = (7.2, 1.2 + 2.3 * len(orders))
-    figure, axes = style.stacked(len(orders), size, "Response over the speed")
-    rpm = np.array(curves["speeds"]) * RPM
-    for n, (ax, order) in enumerate(zip(axes, orders, strict=True)):
-        for i, (name, values) in enumerate(curves["major_axis"].items()):
-            y = np.array(values[n], float) * 1e6
+    if isinstance(found, Response):
+        curves, marks = _curves_of(found, [str(node) for node in nodes]), ()
+    elif found.curves is None:
+        raise BadInput("found", "at single speeds", "over a range of speeds")
+    else:
+        curves, marks = found.curves, found.speeds
+    size = (7.2, 1.2 + 2.3 * len(curves.orders))
+    figure, axes = style.stacked(len(curves.orders), size, "Response over the speed")
+    rpm = np.asarray(curves.speeds) * RPM
+    for n, (ax, order) in enumerate(zip(axes, curves.orders, strict=True)):
+        for i, (name, values) in enumerate(curves.major_axis.items()):
             dash = "-" if i < len(style.TINTS) else "--"
-            ax.semilogy(rpm, y, dash, color=style.tint(i), linewidth=1.3, label=name)
+            ax.semilogy(rpm, values[n] * 1e6, dash, color=style.tint(i), linewidth=1.3, label=name)
         ax.set_ylabel(f"Order {order}, µm")
-        for speed in result["speeds"]:
+        for speed in marks:
             if rpm[0] <= speed * RPM <= rpm[-1]:
                 ax.axvline(speed * RPM, color="#AAAAAA", linewidth=0.8)
                 style.note(figure, "Grey lines: speeds of the tables.")
@@ -120,7 +141,7 @@ def response_curves(
     return figure
 
 
-def _curves_of(response: Response, nodes: Sequence[str]) -> dict[str, Any]:
+def _curves_of(response: Response, nodes: Sequence[str]) -> MotionOverSpeed:
     x = np.asarray(response.displacement)
     if x.ndim != 4:
         given = f"with {x.ndim - 2} axes"
@@ -135,9 +156,8 @@ def _curves_of(response: Response, nodes: Sequence[str]) -> dict[str, Any]:
     shown = nodes or [known[i] for i in sorted(most)]
     spin = np.asarray(response.spin_speed)[0]
     ratio = np.asarray(response.frequency)[:, -1] / spin[-1]
-    axes = {name: size[..., known.index(name)] for name in shown}
     orders = np.round(ratio).astype(int).tolist()
-    return {"speeds": [], "orders": orders, "curves": {"speeds": spin, "major_axis": axes}}
+    return MotionOverSpeed(orders, spin, {name: size[..., known.index(name)] for name in shown})
 
 
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
@@ -156,11 +176,12 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     return figure
 
 
-def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]) -> Figure:
-    """The first modes along z, x-plane and y-plane."""
+def mode_shapes(found: RotorModes) -> Figure:
+    """The first modes at the first speed along z, x-plane and y-plane."""
+    model, modes = found.model, found.modes[0]
     real = np.flatnonzero(np.isfinite(np.asarray(modes.eigenvalue)))[:6]
     rows = max(1, -(-len(real) // 2))
-    title = "Mode shapes without links" if result["free"] else "Mode shapes"
+    title = "Mode shapes without links" if found.free else "Mode shapes"
     figure, axes = style.new_figure(rows, 2, (8.6, 1.4 + 1.9 * rows), title)
     for ax, i in zip(style.used(axes, len(real)), real, strict=True):
         shape = np.asarray(modes.shape)[i]
@@ -177,17 +198,16 @@ def mode_shapes(model: RotorModel, modes: DampedModes, result: Mapping[str, Any]
     return figure
 
 
-def response_orbits(result: Mapping[str, Any]) -> Figure:
+def response_orbits(found: RotorMotion) -> Figure:
     """Orbits of the watched nodes at the first speed, order by order; a dot marks time zero."""
-    nodes = dict(list(result["nodes"].items())[:12])
+    nodes = dict(list(found.motion.items())[:12])
     rows, columns = style.grid_of(len(nodes), 4)
-    title = f"Orbits at {result['speeds'][0] * RPM:.5g} rpm, µm"
+    title = f"Orbits at {found.speeds[0] * RPM:.5g} rpm, µm"
     figure, axes = style.new_figure(rows, columns, (2.2 * columns + 0.6, 2.3 * rows + 0.8), title)
     turn = np.linspace(0, 2 * np.pi, 181)
     for ax, (name, motion) in zip(style.used(axes, len(nodes)), nodes.items(), strict=True):
-        for n, order in enumerate(result["orders"][:3]):
-            size, angle = motion["amplitude"], motion["phase"]
-            x, y = (1e6 * size[a][n][0] * np.cos(turn + angle[a][n][0]) for a in ("ux", "uy"))
+        for n, order in enumerate(found.orders[:3]):
+            x, y = (1e6 * abs(z) * np.cos(turn + np.angle(z)) for z in motion[n, 0, :2])
             ax.plot(x, y, color=style.tint(n), linewidth=1.4, label=f"order {order}")
             ax.plot(x[0], y[0], "o", color=style.tint(n), markersize=3.5)
         style.heading(ax, name, 8)
@@ -203,13 +223,13 @@ def response_orbits(result: Mapping[str, Any]) -> Figure:
 
 
 def campbell_diagram(
-    campbell: Mapping[str, Any] | DampedModes, speeds: Sequence[float] = ()
+    campbell: CampbellDiagram | DampedModes, speeds: Sequence[float] = ()
 ) -> Figure:
     """Frequencies over the speed with their whirl, the line of the speed, and what it meets.
 
     Args:
-        campbell: of `jaxcomp.rotor.campbell`, or of `jaxcomp modes` with a range of speeds, which has
-            the critical speeds as well.
+        campbell: of `rotor_modes` over a range of speeds, or of `jaxcomp.rotor.campbell`, which has no
+            critical speeds.
         speeds: [rad/s] of the modes, where they do not say them.
 
     Raises:
@@ -218,17 +238,9 @@ def campbell_diagram(
     if isinstance(campbell, DampedModes):
         if np.shape(campbell.whirl)[:-1] != np.shape(speeds) or np.ndim(speeds) != 1:
             raise BadInput("speeds", np.shape(speeds), "those that `campbell` was given")
-        campbell = {
-            "speeds": speeds,
-            "frequency": campbell.frequency,
-            "whirl": campbell.whirl,
-            "damping_ratio": campbell.damping_ratio,
-            "critical_speeds": [],
-        }
-    rpm = np.array(campbell["speeds"]) * RPM
-    hertz, whirl, damping = (
-        np.array(campbell[key], float) for key in ("frequency", "whirl", "damping_ratio")
-    )
+        campbell = CampbellDiagram(np.asarray(speeds), campbell)
+    rpm, modes = np.array(campbell.speeds) * RPM, campbell.modes
+    hertz, whirl, damping = map(np.array, (modes.frequency, modes.whirl, modes.damping_ratio))
     hertz = hertz / (2 * np.pi)
     top = 1.3 * 2 * rpm[-1] / 60
     above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
@@ -248,7 +260,7 @@ def campbell_diagram(
     ax.plot(rpm, np.where(strong, np.nan, hertz), color="#BBBBBB", linewidth=0.8, zorder=1)
     for order, dash in ((1, "--"), (2, ":")):
         ax.plot(rpm, order * rpm / 60, dash, color=style.INK, linewidth=1, label=f"{order}x speed")
-    critical = campbell["critical_speeds"]
+    critical = campbell.nested()["critical_speeds"]
     peaks = np.array([c["speed"] * RPM for c in critical if c["damping_ratio"] <= _STRONG])
     if peaks.size:
         ax.plot(peaks, peaks / 60, "o", color=style.INK, fillstyle="none", markersize=9,

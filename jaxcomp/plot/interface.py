@@ -19,6 +19,7 @@ from ._crank import joint_friction as joint_friction
 from ._crank import loss_shares as loss_shares
 from ._crank import orbit_figures as orbit_figures
 from ._crank import speed_over_turn as speed_over_turn
+from ._crank import steady_state_figures as steady_state_figures
 from ._crank import torsion_over_speed as torsion_over_speed
 from ._cylinder import cylinder_figures as cylinder_figures
 from ._cylinder import log_p_h as log_p_h
@@ -47,6 +48,8 @@ from ._rotor import mode_shapes as mode_shapes
 from ._rotor import response_curves as response_curves
 from ._rotor import response_orbits as response_orbits
 from ._rotor import rotor_drawing as rotor_drawing
+from ._rotor import rotor_modes_figures as rotor_modes_figures
+from ._rotor import rotor_motion_figures as rotor_motion_figures
 from ._style import INK as INK
 from ._style import colour as colour
 from ._style import words as words

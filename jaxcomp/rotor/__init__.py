@@ -40,6 +40,8 @@ from ._modes import Modes as Modes
 from ._modes import matrices as matrices
 from ._modes import mode_derivatives as mode_derivatives
 from ._modes import undamped_modes as undamped_modes
+from ._modes_at_speeds import CampbellDiagram as CampbellDiagram
+from ._modes_at_speeds import RotorModes as RotorModes
 from ._nodes import node_index as node_index
 from ._response import Response as Response
 from ._response import harmonic_response as harmonic_response

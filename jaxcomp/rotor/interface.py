@@ -14,6 +14,8 @@ from ._model import subsets as subsets
 from ._modes import Matrices as Matrices
 from ._modes import ModeDerivatives as ModeDerivatives
 from ._modes import magnetic_pull_limit as magnetic_pull_limit
+from ._modes_at_speeds import SIZE as SIZE
+from ._modes_at_speeds import size_of as size_of
 from ._nodes import node_names as node_names
 from ._prepare import prepare as prepare
 from ._response import SingularResponse as SingularResponse

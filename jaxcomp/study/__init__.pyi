@@ -28,6 +28,8 @@ from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._rules import with_swept_volume as with_swept_volume
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
+from ._steady_state import SteadyState as SteadyState
+from ._steady_state import steady_state as steady_state
 from ._variables import variable as variable
 from .identification._crank_tests import Table as Table
 from .identification._crank_tests import Trace as Trace

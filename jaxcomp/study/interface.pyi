@@ -7,6 +7,7 @@ from ._problem import Answer as Answer
 from ._problem import Problem as Problem
 from ._problem import value_of as value_of
 from ._rules import DesignRule as DesignRule
+from ._steady_state import crank_quantities as crank_quantities
 from ._variables import CORRECTIONS as CORRECTIONS
 from ._variables import GivenNumber as GivenNumber
 from ._variables import Variable as Variable

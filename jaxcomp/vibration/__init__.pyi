@@ -14,7 +14,11 @@ from ._crank_forces import crank_forces as crank_forces
 from ._machine import damped_modes as damped_modes
 from ._machine import respond as respond
 from ._machine import rotor_at as rotor_at
+from ._machine import rotor_modes as rotor_modes
 from ._machine import undamped_modes as undamped_modes
+from ._motion import MotionOverSpeed as MotionOverSpeed
+from ._motion import RotorMotion as RotorMotion
+from ._motion import rotor_motion as rotor_motion
 from ._suspension import Spring as Spring
 from ._suspension import Suspension as Suspension
 from ._wrench import Wrench as Wrench

@@ -9,7 +9,7 @@ Eqs. (42), (43).
 """
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.exported import kept_jit
+from .._core.nested import fields_of, records
 from .._core.results import Data, Result, reading
 from ..compressor import Compressor
 from ..crank import Orbit
@@ -210,6 +211,7 @@ class BlockVibration(Result, eqx.Module):
 
     Attributes:
         points: their names.
+        harmonics: of the excitation, how many were taken.
         natural_frequencies: [rad/s] of the block on its springs.
         block_amplitude: [m, rad] of the six degrees of freedom.
         block_rms: [m, rad] root mean square of these.
@@ -221,6 +223,7 @@ class BlockVibration(Result, eqx.Module):
     """
 
     points: tuple[str, ...] = eqx.field(static=True)
+    harmonics: int = reading("", static=True)
     natural_frequencies: Float[Array, "6"] = reading("rad/s", "mode")
     block_amplitude: Float[Array, "6"] = reading(
         "", "freedom", doc="in m along, in rad about x, y, z"
@@ -234,12 +237,24 @@ class BlockVibration(Result, eqx.Module):
     free_body_error: Float[Array, " p"] = reading("", "point")
 
     table_dims: ClassVar[tuple[str, ...]] = ("point", "axis")
+    nested_units: ClassVar[str] = """
+        block_amplitude, block_rms {mixed}
+        points.*: position, amplitude, rms, peak, free_body [m]; free_body_error
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each point and axis."""
         yield Data("point", "", np.array(self.points), ("point",))
         yield Data("axis", "", np.array(["x", "y", "z"]), ("axis",))
         yield from super().described()
+
+    def nested(self) -> dict[str, Any]:
+        """The block, and its points by name; lists run over x, y, z or the six degrees of freedom."""
+        of_points = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
+        rows = records(**fields_of(self, *of_points))
+        of_block = ("harmonics", "natural_frequencies", "block_amplitude", "block_rms")
+        points = dict(zip(self.points, rows, strict=True))
+        return fields_of(self, *of_block) | {"points": points}
 
 
 def block_vibration(
@@ -279,6 +294,7 @@ def _block_vibration(
 
     return BlockVibration(
         points=names,
+        harmonics=count,
         natural_frequencies=undamped_modes(suspension.rotor, 6).frequency,
         block_amplitude=jnp.abs(block.amplitude[:, 0]),
         block_rms=block.rms,

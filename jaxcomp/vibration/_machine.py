@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .. import rotor
@@ -16,7 +17,7 @@ from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
-from ..rotor.interface import NO_CRANK, System
+from ..rotor.interface import NO_CRANK, System, critical_speeds_between
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
 if TYPE_CHECKING:
@@ -160,6 +161,50 @@ def damped_modes(
     return rotor.damped_modes(
         rotor_at(machine, () if free else spin_speed), spin_speed, count, **options
     )
+
+
+def rotor_modes(
+    machine: Machine | HasMachine | RotorModel,
+    spin_speeds: Float[Array, " s"],
+    count: int = 12,
+    *,
+    over: Float[Array, " r"] | None = None,
+    free: bool = False,
+    damping: bool = True,
+) -> rotor.RotorModes:
+    """The lowest damped modes of a rotor at some speeds, and over a range of them.
+
+    Args:
+        machine: a scene, a machine, or a rotor model.
+        spin_speeds: [rad/s] (s,)
+        count: of modes.
+        over: [rad/s] (r,) rising speeds of a Campbell diagram with its critical speeds.
+        free: without links and magnetic pull.
+        damping: false leaves out all damping.
+
+    Raises:
+        BadInput: a machine without a rotor, or as `jaxcomp.rotor.damped_modes`.
+
+    >>> from jaxcomp import load
+    >>> found = rotor_modes(load("hermetic-68cc"), [314.16], 3)
+    >>> for mode in found.listed(0):
+    ...     print(f"{mode['frequency']:.3g} rad/s, {mode['subset']}")
+    28.2 rad/s, rotor
+    28.5 rad/s, rotor
+    92.6 rad/s, housing
+    """
+    speeds = [] if free else [spin_speeds, *([] if over is None else [over])]
+    model = rotor_at(machine, np.unique(np.concatenate(speeds)) if speeds else ())
+    assert isinstance(model, RotorModel)
+    found = tuple(
+        rotor.damped_modes(model, speed, count, free=free, damping=damping) for speed in spin_speeds
+    )
+    diagram = None
+    if over is not None:
+        critical = critical_speeds_between(model, over, count, damping=damping)
+        modes = rotor.campbell(model, over, count, damping=damping)
+        diagram = rotor.CampbellDiagram(np.asarray(over), modes, critical)
+    return rotor.RotorModes(model, np.asarray(spin_speeds), found, free, damping, diagram)
 
 
 def _with_rotor(machine: Machine | HasMachine | Assembly) -> Assembly:

@@ -1,5 +1,6 @@
 """`jaxcomp bearing`: numbers against the library and published tables, pictures, errors."""
 
+import json
 import math
 
 import numpy as np
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import JournalBearing
 from jaxcomp.cli import app
-from jaxcomp.film import AsperityContact, iso_vg_viscosity, reference_solution
+from jaxcomp.film import AsperityContact, iso_vg_viscosity, reference_solution, steady_bearing
 from jaxcomp.film.interface import friction_moment
 
 GIVEN = {
@@ -50,6 +51,17 @@ def found(*arguments, **changes):
     result = run("--json", *arguments, **changes)
     assert result.exit_code == 0, result.output
     return read_json(result.stdout)
+
+
+def test_python_gives_what_the_command_prints():
+    printed = json.loads(run("--json", "--roughness", "0.3um", "--boundary-friction", "0.1").stdout)
+    rough = JournalBearing(0.04, 0.02, 30e-6, 5e-3, contact=AsperityContact(0.3e-6, 0.1))
+    made = json.loads(steady_bearing(rough, 500.0, 100 * math.pi).to_json())
+    assert printed.pop("model") == made["film"]
+    assert printed.keys() == made.keys()
+    for key, value in made.items():
+        if isinstance(value, float):
+            assert printed[key] == pytest.approx(value, rel=1e-9), key
 
 
 def load_at(sommerfeld):

@@ -13,7 +13,10 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, plot
 from jaxcomp.cli import app
 from jaxcomp.rotor import (
+    CampbellDiagram,
     ConstantLaw,
+    CriticalSpeeds,
+    DampedModes,
     Disks,
     Link,
     LoadedFilm,
@@ -477,13 +480,14 @@ def test_pictures_show_the_numbers(file):
     labels = " ".join(t.get_text() for t in figure.axes[0].texts)
     assert "case, 10 kg" in labels
     assert "ground" in labels
-    campbell = {
-        "speeds": [10.0, 20.0],
-        "frequency": [[15.0, None], [16.0, 30.0]],
-        "damping_ratio": [[0.1, None], [0.1, 0.9]],
-        "whirl": [[1.0, None], [1.0, -1.0]],
-        "critical_speeds": [{"speed": 15.5, "growth": -1.0, "damping_ratio": 0.06}],
-    }
+    none = np.nan
+    frequency = np.array([[15.0, none], [16.0, 30.0]])
+    damping = np.array([[0.1, none], [0.1, 0.9]])
+    eigenvalue = frequency * (1j - damping / np.sqrt(1 - damping**2))
+    whirl = np.array([[1.0, none], [1.0, -1.0]])
+    modes = DampedModes(eigenvalue, np.zeros((2, 2, 1, 4)), whirl, np.zeros(2))
+    critical = CriticalSpeeds(np.array([15.5]), np.array([-0.93]), np.zeros(1))
+    campbell = CampbellDiagram(np.array([10.0, 20.0]), modes, critical)
     ax = plot.interface.campbell_diagram(campbell).axes[0]
     circle = next(line for line in ax.lines if line.get_label() == "critical speed")
     np.testing.assert_allclose(circle.get_xydata(), [[15.5 / RPM, 15.5 / (2 * np.pi)]])

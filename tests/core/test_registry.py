@@ -9,12 +9,13 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
 from jaxcomp._core import registry as registry
 from jaxcomp._core.display import shown
+from jaxcomp._core.nested import plain
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import write_results
-from jaxcomp.cli._run import run_result, run_tables
+from jaxcomp.cli._run_tables import run_tables
 from jaxcomp.scene import SceneError, with_values
-from jaxcomp.study import available_quantities, variable
+from jaxcomp.study import available_quantities, steady_state, variable
 from jaxcomp.study.interface import by_name, matching
 
 FAST = ["--accuracy", "coarse"]
@@ -55,7 +56,8 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
         pytest.approx(share, rel=1e-14)
     ]
     assert percent in invoke("run", "mayekawa-wbhe")
-    result = run_result(mayekawa, orbit) | {"tolerance": 1e-8, "set": {}, "design": {}}
+    found = plain(steady_state(mayekawa, orbit=orbit))
+    result = found | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
     write_results(tmp_path, {}, result, mayekawa, run_tables(mayekawa, result))
     report = (tmp_path / "report.html").read_text()
     assert percent.replace(" ", "&nbsp;") in report  # a number and its unit stand on one line

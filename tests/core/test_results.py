@@ -33,7 +33,7 @@ from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit, TrainTorques
 from jaxcomp.crank.interface import journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.film import JournalBearing, operating_point, pressure_field
+from jaxcomp.film import JournalBearing, operating_point, pressure_field, steady_bearing
 from jaxcomp.friction._slider_crank import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
@@ -48,14 +48,14 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
-from jaxcomp.study import Comparison, ParetoFront
+from jaxcomp.study import Comparison, ParetoFront, steady_state
 from jaxcomp.study.accuracy import Extreme, Extremes, Report
 from jaxcomp.study.accuracy.interface import Measurement, Reference
 from jaxcomp.study.interface import ComparedQuantity
 from jaxcomp.study.rating import RatingMap
 from jaxcomp.study.sweep.interface import BestCurve
 from jaxcomp.study.tolerance import Tolerances
-from jaxcomp.vibration import Harmonics
+from jaxcomp.vibration import Harmonics, rotor_modes
 from jaxcomp.vibration.interface import BlockMotion, CrankForces
 
 
@@ -125,7 +125,8 @@ def transient():
 
 def torsion():
     torque = jnp.asarray([[1.0 + 2j, 0.5], [3.0, 1j]])
-    return TrainTorques(jnp.asarray([-2.0, -1.0]), torque, jnp.asarray([90.0, 180.0]), jnp.ones(2))
+    speeds = jnp.asarray([90.0, 180.0])
+    return TrainTorques(jnp.asarray([-2.0, -1.0]), torque, speeds, jnp.ones(2), 5 * speeds)
 
 
 def harmonics():
@@ -181,6 +182,9 @@ SMALL = {
     "cycle": cycle,
     "transient": transient,
     "sensitivity": lambda: sensitivity(machine_of_tsuji(), ["swept_volume"]),
+    "steady state": lambda: steady_state(machine_of_tsuji()),
+    "steady bearing": lambda: steady_bearing(bearing(), 2000.0, -300.0),
+    "modes at speeds": lambda: rotor_modes(rotor(), [100.0], 4, over=jnp.linspace(50, 150, 3)),
 }
 
 

@@ -9,8 +9,10 @@ import pytest
 from helpers import machine
 
 from jaxcomp import Collocation, Shooting, SolveFailed, TimeIntegration, load, solve_orbit
+from jaxcomp._core.nested import plain
 from jaxcomp.crank._verify import march_options, verification
 from jaxcomp.motor import ConstantSpeed, SlipLine
+from jaxcomp.study import steady_state
 
 COARSE = Collocation(nodes=5)
 
@@ -184,12 +186,13 @@ def test_march_that_does_not_end_says_what_to_take():
 
 
 def test_result_and_report_show_what_the_march_found(pair):
-    from jaxcomp.cli._run import run_result, run_tables
+    from jaxcomp.cli._run_tables import run_tables
     from jaxcomp.report._checks import checks
 
     coarse, _ = pair
     scene = load("mayekawa-wbhe")
-    result = run_result(scene, coarse) | {"tolerance": 1e-13, "set": {}, "design": {}}
+    found = plain(steady_state(scene, orbit=coarse))
+    result = found | {"tolerance": 1e-13, "set": {}, "design": {}}
     shown = result["verification"]
     # errors of the orbit: its values less those of the march
     assert shown["losses"]["wall"] == -float(coarse.verification.loss_error["wall"])

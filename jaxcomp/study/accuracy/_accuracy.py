@@ -66,6 +66,7 @@ def accuracy(
     variable: str | None = None,
     excitation: Literal["crank", "file"] | None = None,
     thorough: bool = False,
+    error: float = 1e-6,
     progress: Callable[[str, int, int], None] | None = None,
     keep: Callable[[Sequence[Measurement]], None] | None = None,
 ) -> Report:
@@ -82,6 +83,7 @@ def accuracy(
             those of the scene. Absent: the crank where the scene joins it to the rotor, so that the
             solver of the crank has a part in the answer.
         thorough: all methods and settings instead of the more instructive ones.
+        error: [-] relative, for which the cheapest setting is named.
         progress: called before each setting with its name, its number and how many there are.
         keep: called after each setting with all that are measured.
 
@@ -133,7 +135,7 @@ def accuracy(
         _verification(question) if verified else {},
         calls,
     )
-    return replace(report, **plan.findings(rows, reference))
+    return replace(report, error=error, **plan.findings(rows, reference))
 
 
 def _check_parts(question: Question, kind: StudyKind) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..._core.errors import BadInput
 from ..._core.fields import replaced
+from ..._core.nested import fields_of
 from ..._core.results import Data, Result
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
@@ -27,6 +28,7 @@ from ...mechanism import SliderCrank
 from ...motor import SlipLine
 from ...rotor import respond
 from ...vibration import loaded_rotor
+from ._report import COMPUTER, this_computer
 from ._study import median_time
 
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
@@ -75,12 +77,22 @@ class Extremes(Result):
         scene: name of the machine.
         cases: by family, from mild to extreme. One without a solution has a status that says so, and
             an error that is not finite.
+        measured_on: cores, load and versions of the computer that measured.
     """
 
     scene: str
     cases: tuple[Extreme, ...]
+    measured_on: dict[str, Any] = dataclasses.field(default_factory=this_computer)
 
     table_dims: ClassVar[tuple[str, ...]] = ("case",)
+    nested_units: ClassVar[str] = f"""{COMPUTER}
+        rows: value {{efficiency}}; error, speed_error, margin, iterations; seconds [s]
+    """
+
+    def nested(self) -> dict[str, Any]:
+        """All cases, with the computer that they were measured on."""
+        cases = {"study": "extremes", "rows": self.cases}
+        return cases | fields_of(self, "scene", "measured_on")
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each case."""

@@ -1,12 +1,28 @@
 r"""Results of a study: settings with error and time, and the reference they are compared with."""
 
 import dataclasses
+import os
+import platform
 from collections.abc import Iterator
+from importlib.metadata import version
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from ..._core.nested import fields_of
 from ..._core.results import Data, Result
+
+# Errors at which methods are compared.
+_DECADES = tuple(10.0**-n for n in range(2, 13))
+# Units of `this_computer`.
+COMPUTER = "measured_on: cores, load"
+
+
+def this_computer() -> dict[str, Any]:
+    """Cores, load and versions of the computer at this moment."""
+    versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
+    load, python = os.getloadavg()[0], platform.python_version()
+    return {"cores": os.cpu_count(), "load": load, "python": python, **versions}
 
 
 class Reference(NamedTuple):
@@ -138,6 +154,8 @@ class Report(Result):
         calls: what the first and second call of the default solver cost, without and with the gradient
             over all numbers of the machine; empty for studies of something else.
         derivatives: their error beside that of the values, in the study of the cycle.
+        error: [-] for which the cheapest setting is named.
+        measured_on: cores, load and versions of the computer that measured.
     """
 
     study: str
@@ -150,8 +168,20 @@ class Report(Result):
     march: dict[str, float] = dataclasses.field(default_factory=dict)
     calls: dict[str, Cost] = dataclasses.field(default_factory=dict)
     derivatives: DerivativeCheck | None = None
+    error: float = 1e-6
+    measured_on: dict[str, Any] = dataclasses.field(default_factory=this_computer)
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
+    nested_units: ClassVar[str] = f"""{COMPUTER}
+        reference: value, other {{quantity}}; floor
+        calls.*: first, second [s]; lines
+        march: *
+        error
+        recommended|recommended_by_task.*|rows: seconds, compile_seconds [s]; error, iterations
+        recommended|recommended_by_task.*|rows: flops, tightness, lines, floor
+        cheapest [s]
+        derivatives: *
+    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each setting."""
@@ -161,6 +191,35 @@ class Report(Result):
         for name, unit in units.items():
             column = np.array([getattr(row, name) for row in self.rows])
             yield Data(name, unit, column, self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """All settings, the cheapest for `error` and for each power of ten, and what was checked."""
+        reference, check = self.reference, self.derivatives
+        tasks = [task for task in self.tasks if task]
+        return {
+            **fields_of(
+                self, "study", "scene", "quantity", "unit", "march", "calls", "error", "rows"
+            ),
+            "reference": reference._asdict() | {"floor": reference.floor},
+            "recommended": self.cheapest(self.error),
+            "recommended_by_task": {task: self.cheapest(self.error, task=task) for task in tasks},
+            "cheapest": {
+                f"{at:g}": {method: self.seconds(at, method) for method in self.methods}
+                for at in self.reachable
+            },
+            "derivatives": check and check._asdict() | fields_of(check, "ratio", "holds"),
+            "measured_on": self.measured_on,
+        }
+
+    @property
+    def reachable(self) -> list[float]:
+        """[-] The powers of ten, from 1e-2 to 1e-12, that a setting has as its error."""
+        return [at for at in _DECADES if self.cheapest(at) is not None]
+
+    def seconds(self, error: float, method: str) -> float | None:
+        """[s] of the cheapest setting of a method with at most this error [-]; `None` for none."""
+        best = self.cheapest(error, method)
+        return None if best is None else best.seconds
 
     @property
     def methods(self) -> tuple[str, ...]:

@@ -1,0 +1,325 @@
+"""The periodic state of a machine with all that follows from it: what `jaxcomp run` shows."""
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import jax
+
+from .._core.each import of_cylinder
+from .._core.errors import BadInput
+from .._core.exported import kept_jit
+from .._core.nested import Table
+from .._core.registry import Quantity, registered
+from .._core.results import Data, Result
+from .._core.status import Status
+from ..compressor import Compressor, crank_end_pressure
+from ..crank import (
+    Collocation,
+    JournalFilm,
+    Orbit,
+    TrainTorques,
+    journal_films,
+    rod_load_reversal,
+    solve_orbit,
+    train_torques,
+)
+from ..crank.interface import film_thickness, moved_films
+from ..cylinder.interface import GRAZING
+from ..gas import DoubleActing, PolytropicCycle
+from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+
+# What only some machines need is imported where they do: a start would take longer by a third.
+if TYPE_CHECKING:
+    from ..crank import Shooting, TimeIntegration
+    from ..vibration import BlockVibration
+
+# Families of quantities whose numbers stand under another name.
+_KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
+# What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
+# usually quoted.
+_REVERSAL, _REVERSED = math.radians(15), 0.03
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SteadyState(Result):
+    """The periodic state of a machine, with all that follows from it.
+
+    Attributes:
+        machine: that runs.
+        compressor: of it, put together.
+        orbit: its periodic state.
+        quantities: [SI] of crank and gas, by name, or by name and joint, valve, order ...
+        numbers: [SI] stroke, period, works and losses of a revolution, extreme speeds, residuals.
+        films: "orbit" or "steady_load", by which each oil film of a journal was solved.
+        rod_load_reversal: angle [rad] and share [-] of `jaxcomp.crank.rod_load_reversal`, by crosshead
+            pin.
+        remarks: sentences on numbers that do not mean what their names say.
+        moved_films: what journals with steady films would do if they moved, where it was asked for.
+        vibration: of the suspended block; `None` without a suspension.
+        torsion: of the crank train; `None` without one.
+    """
+
+    machine: Machine
+    compressor: Compressor
+    orbit: Orbit
+    quantities: dict[str, Any]
+    numbers: dict[str, Any]
+    films: dict[str, str]
+    rod_load_reversal: dict[str, dict[str, float]]
+    remarks: tuple[str, ...]
+    moved_films: dict[str, JournalFilm] | None = None
+    vibration: "BlockVibration | None" = None
+    torsion: TrainTorques | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+    nested_units: ClassVar[str] = """
+        motor_work, gas_work, losses [J]; lowest_speed, highest_speed [rad/s]
+        peak_forces, mean_forces [N]; period [s]; stroke [m]
+        energy_residual, residual, resolution, loss_share, iterations, cycle_resolution
+        rod_load_reversal.*: angle [rad]; share
+        verification: speed, period, mechanical_efficiency, losses, peak_forces, closure, steps
+        moved_films.*: film_thickness [m]; loss [W]
+    """
+
+    @property
+    def status(self) -> Status:
+        """How the solution ended."""
+        return self.orbit.status
+
+    @property
+    def solver(self) -> str:
+        """Name of the solver."""
+        return self.orbit.solver
+
+    @classmethod
+    def units_of_nested(cls) -> Table:
+        """The unit of every number of `nested`, of the registered quantities as well."""
+        return {
+            one.family or one.name: one.unit for one in registered()
+        } | super().units_of_nested()
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units, and the curves over the revolution.
+
+        Beside those of the orbit these are the films of the journals and the pressures behind
+        double-acting pistons.
+        """
+        units = self.units_of_nested()
+        for name, value in {**self.quantities, **self.numbers}.items():
+            for member, number in value.items() if isinstance(value, dict) else [("", value)]:
+                yield Data(f"{name}.{member}" if member else name, str(units[name]), number)
+        yield from (one for one in self.orbit.described() if one.dims)
+        at, compressor = self.table_dims, self.compressor
+        for name, thickness in film_thickness(compressor, self.orbit).items():
+            yield Data(f"film_thickness.{name}", "m", thickness, at)
+        for name, film in journal_films(compressor, self.orbit).items():
+            yield Data(f"eccentricity.{name}.x", "", film.position[0], at)
+            yield Data(f"eccentricity.{name}.y", "", film.position[1], at)
+            yield Data(f"film_pressure.{name}", "Pa", film.pressure, at)
+            yield Data(f"film_flow.{name}", "m^3/s", film.flow, at)
+            for loss in ("shear_loss", "squeeze_loss", "contact_loss"):
+                yield Data(f"{loss}.{name}", "W", getattr(film, loss), at)
+        behind = crank_end_pressure(compressor, self.orbit.state.angle)
+        for number, pressure in enumerate(() if behind is None else behind, 1):
+            several = f".{number}" if len(behind) > 1 else ""
+            yield Data(f"crank_end_pressure{several}", "Pa", pressure, at)
+
+    def nested(self) -> dict[str, Any]:
+        """Quantities, works and losses, residuals, films, remarks; what the machine has."""
+        orbit, losses, period = self.orbit, self.numbers["losses"], self.numbers["period"]
+        total = sum(losses.values())
+        moved = {
+            name: {
+                "film_thickness": film.minimum_film,
+                "loss": film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss,
+            }
+            for name, film in (self.moved_films or {}).items()
+        }
+        parts = {
+            "film_law": self.films or None,
+            "rod_load_reversal": self.rod_load_reversal or None,
+            "verification": None if orbit.verification is None else _verification(orbit),
+            "moved_films": None if self.moved_films is None else moved,
+            "vibration": self.vibration,
+            "torsion": self.torsion,
+        }
+        return {
+            **{_KEYS.get(name, name): value for name, value in self.quantities.items()},
+            **self.numbers,
+            "loss_power": {name: loss / period for name, loss in losses.items()},
+            "loss_share": {name: loss / total if total else 0.0 for name, loss in losses.items()},
+            "iterations": int(orbit.iterations),
+            "converged": bool(orbit.converged),
+            "status": Status[orbit.status],
+            "solver": orbit.solver,
+            "remarks": list(self.remarks),
+            **{name: part for name, part in parts.items() if part is not None},
+        }
+
+
+def steady_state(
+    machine: Machine | HasMachine,
+    solver: "Collocation | Shooting | None" = None,
+    *,
+    orbit: Orbit | None = None,
+    verify: "bool | TimeIntegration" = False,
+    moving_films: bool = False,
+) -> SteadyState:
+    """Find the periodic state of a machine, and all that follows from it.
+
+    Args:
+        machine: a scene or a machine with a crank.
+        solver: as in `solve_orbit`.
+        orbit: the periodic state, where it is known already.
+        verify: as in `solve_orbit`.
+        moving_films: find as well what the journals with steady films would do if they moved.
+
+    Raises:
+        BadInput: a machine without a crank.
+        SolveFailed: no periodic state was found.
+
+    >>> from jaxcomp import load
+    >>> found = steady_state(load("mayekawa-wbhe"))
+    >>> print(f"{found.quantities['joint_margin']:.4f}, {found.numbers['motor_work']:.1f} J")
+    0.9828, 339.4 J
+    """
+    design = machine_of(machine)
+    made = assembled(design)
+    compressor, parts = made.compressor, design.parts
+    if compressor is None:
+        raise BadInput("machine", "without a crank", "one with a mechanism")
+    orbit = solve_orbit(compressor, solver, verify=verify) if orbit is None else orbit
+    known = crank_quantities(design)
+    found = jax.device_get(_numbers(design, made, orbit, known))
+    quantities, numbers = jax.tree.map(float, found)
+    margins = numbers.pop("turning_margins")
+    # a compiled function returns its keys sorted; where no film has a thickness there is no least one
+    quantities = {
+        one.family or one.name: quantities[one.name]
+        for one in known
+        if quantities[one.name] != math.inf
+    }
+    rods, moved = _rods(compressor, orbit), orbit.positions or {}
+    suspension: Any = parts.get("suspension")
+    train: Any = parts.get("torsion")
+    return SteadyState(
+        design,
+        compressor,
+        orbit,
+        quantities,
+        numbers,
+        {
+            name: "orbit" if name in moved else "steady_load"
+            for name in film_thickness(compressor, orbit)
+        },
+        rods,
+        tuple(_remarks(compressor, margins, rods)),
+        moved_films(compressor, orbit) if moving_films else None,
+        None if suspension is None else _vibration(compressor, orbit, suspension),
+        None if train is None else train_torques(compressor, orbit, train),
+    )
+
+
+def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration":
+    from ..vibration import block_vibration
+
+    return block_vibration(compressor, orbit, suspension)
+
+
+def crank_quantities(machine: Machine) -> tuple[Quantity, ...]:
+    """The quantities of the periodic state of crank and gas that a machine has."""
+    rotor = {"vibration", "rotor", "balancing"}
+    return tuple(
+        one for one in registered() if not rotor & set(one.needs) and not one.missing(machine)
+    )
+
+
+@kept_jit
+def _numbers(
+    machine: Machine, assembly: Assembly, orbit: Orbit, known: tuple[Quantity, ...]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """All numbers at once: one compiled program instead of dozens of small ones."""
+    from ._analysis import DesignResult
+    from ._options import AnalysisOptions
+
+    result = DesignResult(machine, AnalysisOptions())
+    result.assembly, result.orbit = assembly, orbit
+    energy, compressor = orbit.energy, assembly.compressor
+    assert compressor is not None
+    # every joint that carries a force and could have friction has an entry; without a law it loses
+    # nothing
+    joints = dict.fromkeys(orbit.loads.forces, 0.0)
+    return {one.name: one.value(result) for one in known}, {
+        "motor_work": energy.motor_work,
+        "gas_work": energy.gas_work,
+        "losses": {**joints, **energy.losses},
+        "lowest_speed": orbit.lowest_speed,
+        "highest_speed": orbit.highest_speed,
+        "period": orbit.period,
+        "stroke": of_cylinder(compressor.mechanism).stroke,
+        "energy_residual": energy.residual,
+        "residual": orbit.residual,
+        "resolution": orbit.resolution,
+        **({} if orbit.cycle is None else {"cycle_resolution": orbit.cycle.resolution}),
+        "turning_margins": {} if orbit.cycle is None else orbit.cycle.turning_margins,
+    }
+
+
+def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
+    """Reversal of the rod load at every crosshead pin; nothing of a machine without crossheads."""
+    packed = getattr(compressor.friction, "packing", None) is not None
+    if not (packed or isinstance(compressor.gas, DoubleActing)):
+        return {}
+    return {
+        name: {"angle": float(angle), "share": float(share)}
+        for name, (angle, share) in rod_load_reversal(orbit).items()
+    }
+
+
+def _verification(orbit: Orbit) -> dict[str, Any]:
+    """Errors by an independent integration: the orbit's value less that of the integration."""
+    march = orbit.verification
+    assert march is not None
+    errors = {
+        "speed": march.speed_error,
+        "period": -march.period_error,
+        "mechanical_efficiency": -march.efficiency_error,
+        "losses": {name: -error for name, error in march.loss_error.items()},
+        "peak_forces": {name: -error for name, error in march.peak_error.items()},
+        "closure": march.closure,
+    }
+    ended = {"steps": int(march.steps), "status": Status[march.status]}
+    return jax.tree.map(float, errors) | ended
+
+
+def _remarks(
+    compressor: Compressor, margins: dict[str, float], rods: dict[str, dict[str, float]]
+) -> Iterator[str]:
+    """Reasons why numbers of a result do not mean what their names say."""
+    for name, rod in rods.items():
+        if rod["angle"] < _REVERSAL or rod["share"] < _REVERSED:
+            yield (
+                f"The load of {name.replace('_', ' ')} is reversed for "
+                f"{math.degrees(rod['angle']):.3g} degrees with {100 * rod['share']:.2g} % of its larger "
+                "side: the pin may run dry (API 618 asks for 15 degrees and 3 %)."
+            )
+    if compressor.frictionless:
+        yield "There is no friction: nothing is lost, and the efficiency is 100 % by assumption."
+    for name, margin in margins.items():
+        if abs(margin) < GRAZING:
+            valve, place = name.split("_")
+            yield (
+                f"The {valve} valve {'just touches' if margin > 0 else 'just misses'} its {place} "
+                f"({100 * abs(margin):.2g} % of its stop): derivatives hold only for designs in which it "
+                f"{'still touches, and are steep there' if margin > 0 else 'still misses'}. "
+                "Move the stop, or let an optimiser search by values."
+            )
+    if compressor.gas is None:
+        yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."
+    elif isinstance(compressor.gas, PolytropicCycle) and not compressor.gas.delivers.any():
+        yield (
+            "No gas flows: with this clearance the compression never reaches the discharge pressure, and "
+            "no efficiency has a meaning."
+        )

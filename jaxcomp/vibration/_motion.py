@@ -1,0 +1,280 @@
+"""Motion of a machine's rotor, crankcase and housing at some speeds: nodes, targets, links, films."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .._core.errors import BadInput
+from .._core.nested import fields_of
+from .._core.results import Data, Result
+from .._core.words import one_of
+from ..film import JournalBearing
+from ..machine import HasMachine, Machine, machine_of
+from ..rotor import AXES, Response, RotorModel, orbit, transmitted_forces
+from ..rotor.interface import SIZE, WhirlOrbit, node_names, size_of
+from ._coupling import open_films, with_film_linearisation
+from ._machine import respond, rotor_at
+
+if TYPE_CHECKING:
+    from ..crank import Collocation, Shooting
+
+# By name of the target or node: its number in the model's list, and that of the node relative to which
+# the motion is, -1 for the ground.
+_Watched = dict[str, tuple[int, int]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class MotionOverSpeed(Result):
+    """Major axes of orbits over a range of speeds; not a number where there is no response.
+
+    Attributes:
+        orders: of the speed (o,).
+        speeds: [rad/s] (s,)
+        major_axis: [m] (o, s) by node or target.
+    """
+
+    orders: tuple[int, ...]
+    speeds: Float[np.ndarray, " s"]
+    major_axis: dict[str, Float[np.ndarray, "o s"]]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("speed",)
+    nested_units: ClassVar[str] = "speeds [rad/s]; major_axis [m]"
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield Data("speed", "rad/s", self.speeds, self.table_dims)
+        for name, of_orders in self.major_axis.items():
+            for order, values in zip(self.orders, of_orders, strict=True):
+                yield Data(f"{name}.order_{order}.major_axis", "m", values, self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """The curves by node or target, a list for each order."""
+        return fields_of(self, "speeds", "major_axis")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class RotorMotion(Result):
+    """Motion of watched nodes and forces of the links at some speeds and orders.
+
+    Attributes:
+        model: the rotor.
+        response: of all its nodes.
+        orders: of the speed (o,).
+        speeds: [rad/s] (s,)
+        motion: [m], [rad] (o, s, dof) complex amplitudes by node or target; of a target that is judged
+            relative to a node, relative to it.
+        forces: [N], [N m] (o, s, dof) complex amplitudes by link, on its second node or the ground.
+        curves: over a range of speeds, where one was asked for.
+        linearised: major axes and films of the journals that move, with the films linearised at their
+            "mean_load" and along their "orbit"; `None` of a rotor without such journals.
+    """
+
+    model: RotorModel
+    response: Response
+    orders: tuple[int, ...]
+    speeds: Float[np.ndarray, " s"]
+    motion: dict[str, Complex[np.ndarray, "o s dof"]]
+    forces: dict[str, dict[str, Complex[np.ndarray, "o s"]]]
+    curves: MotionOverSpeed | None = None
+    linearised: dict[str, dict[str, Any]] | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("order", "speed")
+    nested_units: ClassVar[str] = f"""{SIZE}
+        speeds [rad/s]; orders
+        nodes.*.amplitude: ux, uy, uz [m]; * [rad]
+        nodes.*.phase: * [rad]
+        nodes.*: major_axis, minor_axis [m]; inclination [rad]
+        links.*: ux, uy, uz [N]; * [N m]
+        correction
+        linearised.*: major_axis [m]
+        linearised.*.films.*: stiffness [N/m]; damping [N s/m]
+    """
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The degrees of freedom of a node, as "ux"."""
+        return AXES[self.model.dof]
+
+    def orbits(self) -> dict[str, WhirlOrbit]:
+        """The orbit of every watched node, (o, s) in all fields."""
+        every = np.stack([*self.motion.values()])
+        found = orbit(every[..., 0], every[..., 1])
+        return {name: WhirlOrbit(*(x[i] for x in found)) for i, name in enumerate(self.motion)}
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each order and speed."""
+        yield Data("order", "", np.array(self.orders), ("order",))
+        yield Data("speed", "rad/s", self.speeds, ("speed",))
+        orbits = self.orbits()
+        for name, motion in self.motion.items():
+            for number, axis in enumerate(self.axes):
+                unit = "m" if axis.startswith("u") else "rad"
+                yield Data(f"{name}.{axis}", unit, motion[..., number], self.table_dims)
+            yield Data(f"{name}.major_axis", "m", orbits[name].major, self.table_dims)
+            yield Data(f"{name}.minor_axis", "m", orbits[name].minor, self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """Amplitudes and orbits by node, forces by link; lists over the orders, then the speeds."""
+        orbits = self.orbits()
+
+        def node(name: str) -> dict[str, Any]:
+            motion = dict(zip(self.axes, np.moveaxis(self.motion[name], -1, 0), strict=True))
+            return {
+                "amplitude": {axis: np.abs(x) for axis, x in motion.items()},
+                "phase": {axis: np.angle(x) for axis, x in motion.items()},
+                "major_axis": orbits[name].major,
+                "minor_axis": orbits[name].minor,
+                "inclination": orbits[name].inclination,
+            }
+
+        parts = fields_of(self, "curves", "linearised")
+        return {
+            **size_of(self.model),
+            **fields_of(self, "speeds", "orders", "axes"),
+            "nodes": {name: node(name) for name in self.motion},
+            "links": self.forces,
+            "correction": np.max(self.response.correction),
+            "status": "ok",
+            **{name: part for name, part in parts.items() if part is not None},
+        }
+
+
+def rotor_motion(
+    machine: Machine | HasMachine,
+    spin_speeds: Float[Array, " s"],
+    orders: tuple[int, ...],
+    *,
+    nodes: Sequence[str] = (),
+    over: Float[Array, " r"] | None = None,
+    excitation: str | None = None,
+    crank_solver: "Collocation | Shooting | None" = None,
+) -> RotorMotion:
+    """Motion of a machine's rotor, crankcase and housing: nodes, targets, links, films.
+
+    Args:
+        machine: a scene or a machine with a rotor.
+        spin_speeds: [rad/s] (s,)
+        orders: orders of the speed.
+        nodes: to watch; the target planes, or all nodes, if absent.
+        over: [rad/s] (r,) speeds of curves.
+        excitation: as in `respond`.
+        crank_solver: as in `respond`.
+
+    Raises:
+        BadInput: a node that is not there, or as `respond`.
+        SingularResponse: naming the frequencies without a response.
+    """
+    design, speeds = machine_of(machine), np.asarray(spin_speeds, float)
+    model = _model(design, speeds if over is None else np.union1d(speeds, over))
+    watched = _watched(design, model, nodes)
+
+    def answer(design: Machine, speeds: np.ndarray) -> Response:
+        how = {"excitation": excitation, "crank_solver": crank_solver}
+        return respond(design, spin_speeds=jnp.asarray(speeds), orders=orders, **how)
+
+    response = answer(design, speeds).checked()
+    forces = np.asarray(transmitted_forces(model, response))
+    links = {
+        _link_name(design, i): {
+            axis: forces[:, :, i, k] for k, axis in enumerate(AXES[model.dof]) if axis in link.axes
+        }
+        for i, link in enumerate(model.links)
+    }
+    curves = linearised = None
+    if over is not None:
+        found = answer(design, np.asarray(over))
+        major = np.where(np.asarray(found.ok), _major(_relative(found, watched)), np.nan)
+        curves = MotionOverSpeed(orders, np.asarray(over), dict(zip(watched, major, strict=True)))
+    if moving := _moving_films(design):
+        linearised = {
+            place: _linearised(
+                with_film_linearisation(design, place), speeds, answer, watched, moving
+            )
+            for place in ("mean_load", "orbit")
+        }
+    return RotorMotion(
+        model,
+        response,
+        orders,
+        speeds,
+        dict(zip(watched, _relative(response, watched), strict=True)),
+        {name: link for name, link in links.items() if link},
+        curves,
+        linearised,
+    )
+
+
+def _model(design: Machine, speeds: np.ndarray) -> RotorModel:
+    model = rotor_at(design, np.unique(speeds))
+    assert isinstance(model, RotorModel)
+    return model
+
+
+def _watched(design: Machine, model: RotorModel, nodes: Sequence[str]) -> _Watched:
+    """The nodes that were named, or the target planes, or all nodes."""
+    names = node_names(model)
+    places = {str(name): i for i, name in enumerate(names)}
+    for name in nodes:
+        if name not in places:
+            raise BadInput("nodes", name, one_of(name, places))
+    planes: Any = design.parts.get("balancing")
+    if nodes or planes is None:
+        return {name: (places[name], -1) for name in nodes or places}
+    watched = {}
+    for one in planes.targets:
+        base, apart = -1, ""
+        if one.relative_to is not None:
+            base, apart = names.index(one.relative_to), f" from {one.relative_to}"
+        watched[f"{one.name} ({one.node}{apart})"] = names.index(one.node), base
+    return watched
+
+
+def _relative(response: Response, watched: _Watched) -> Complex[np.ndarray, "w o s dof"]:
+    """Motion of the watched nodes relative to their bases."""
+    x = np.asarray(response.displacement)
+    ground = np.concatenate([x, np.zeros_like(x[..., :1, :])], -2)
+    nodes, bases = (np.array(places) for places in zip(*watched.values(), strict=True))
+    return np.moveaxis(ground[..., nodes, :] - ground[..., bases, :], -2, 0)
+
+
+def _major(motion: Complex[np.ndarray, "w o s dof"]) -> Float[np.ndarray, "w o s"]:
+    return np.asarray(orbit(motion[..., 0], motion[..., 1]).major)
+
+
+def _moving_films(design: Machine) -> dict[int, str]:
+    """Names of the rotor's bearings whose journals move in their films, by number of the link."""
+    names = {number: _bearing_name(design, number) for number in open_films(design.parts["rotor"])}
+    return {
+        number: name
+        for number, name in names.items()
+        if isinstance(one := design.bearings.get(name), JournalBearing) and one.moves
+    }
+
+
+def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
+    """Major axes, and stiffness and damping of the moving journals' films at the speeds."""
+    major, films = _major(_relative(answer(design, speeds).checked(), watched)), {}
+    links = _model(design, speeds).links
+    for number, name in moving.items():
+        pairs = [links[number].law.coefficients(jnp.asarray(speed)) for speed in speeds]
+        films[name] = {"stiffness": [k for k, _ in pairs], "damping": [c for _, c in pairs]}
+    return {"major_axis": dict(zip(watched, major, strict=True)), "films": films}
+
+
+def _bearing_name(design: Machine, number: int) -> str:
+    """Name of the bearing of a link; "" where it names none."""
+    rotor: Any = design.parts["rotor"]
+    return getattr(getattr(rotor.links[number].law, "bearing", None), "name", "")
+
+
+def _link_name(design: Machine, number: int) -> str:
+    """A link by its number in the file and its nodes; a film by the name of its bearing as well."""
+    rotor: Any = design.parts["rotor"]
+    first, second = rotor.links[number].nodes
+    bearing = _bearing_name(design, number)
+    name = f"{number}: {first} to {'ground' if second is None else second}"
+    return f"{name}, {bearing}" if bearing else name
