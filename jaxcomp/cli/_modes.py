@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
-from importlib.metadata import version
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,11 +13,11 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import RPM, rounded
-from .._core.nested import plain, records
+from .._core.nested import plain
 from . import _options as opt
 from ._output import Output, header
 from ._rotor import points_and_range, pull_row, rotor_of, whirl
-from ._start import CommandError, waiting
+from ._start import CommandError, refuse, waiting
 from ._tables import Markup, row_table
 
 _HERTZ = 1 / (2 * math.pi)
@@ -163,71 +162,20 @@ def update(
     test = read_measurement(measured, scene.machine)
     if not isinstance(test, ModalTest):
         raise CommandError(f'{measured}: must have a column "frequency [Hz]" and a line below it')
+    for path in variable:
+        wrong = f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
+        refuse(not path.startswith("rotor."), wrong)
     test = dataclasses.replace(test, free=test.free and not held)
     with waiting("Fitting (the first time it is compiled as well) ..."):
-        result, found = update_result(scene, test, variable, (low, high), regularisation)
-    fitted = identified_scene(scene, found)
+        found = jc.study.update_rotor(scene, test, variable, (low, high), regularisation)
+    fitted = identified_scene(scene, found.identification)
     output.emit(
-        result | case.changes,
+        found,
         update_tables,
         lambda: {"rotor": jc.plot.interface.rotor_drawing(rotor_of(fitted))},
         fitted,
+        beside=header(scene) | case.changes,
     )
-
-
-def update_result(
-    scene: jc.scene.Scene,
-    test: Any,
-    paths: Sequence[str],
-    bounds: tuple[float, float],
-    regularisation: float,
-) -> tuple[dict[str, Any], Any]:
-    """The fit, and the identification that it is."""
-    import numpy as np
-
-    from ..study import identify
-    from ..study.interface import varied
-
-    vary, prior = {}, {}
-    for path in paths:
-        if not path.startswith("rotor."):
-            raise CommandError(
-                f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
-            )
-        now = float(varied(scene.machine, path).current(scene.machine))
-        vary[path] = (bounds[0] * now, bounds[1] * now)
-        if regularisation:
-            # a relative error of the frequencies weighs as much as a range of the factor over it
-            prior[path] = (now, test.USUAL * (vary[path][1] - vary[path][0]) / regularisation)
-    found = identify(scene, test, vary, prior, starts=1)
-    start, estimate = np.asarray(found.start), np.asarray(found.estimate)
-    before, _ = found.study(start, [0])
-    mine = found.of("frequency")
-    result = {
-        "machine": scene.name,
-        "file": scene.file,
-        "version": version("jaxcomp"),
-        "free": test.free,
-        "variables": records(
-            path=found.parameters,
-            factor=estimate / start,
-            before=start,
-            after=estimate,
-            standard_error=found.standard_error,
-            at_bound=found.fit.at_bound,
-        ),
-        "modes": records(
-            mode=test.modes,
-            measured=found.measured[mine],
-            before=before[mine],
-            after=found.computed[mine],
-            error=found.error("frequency"),
-        ),
-        "converged": found.fit.converged,
-        "steps": found.fit.steps,
-        "notes": list(found.notes),
-    }
-    return result, found
 
 
 def update_tables(result: dict[str, Any]) -> Iterator[Any]:

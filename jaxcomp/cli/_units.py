@@ -29,11 +29,6 @@ _TEXTS = {
         seconds [s]
     """,
     "identify": "predicted: value, model_sd, half_width {beside}",
-    "update": """
-        variables: factor; before, after, standard_error {number}
-        modes: measured, before, after [rad/s]; mode, error
-        steps
-    """,
     "check": """
         parts.*: values, defaults, without_source
         follows: value {beside}
@@ -63,6 +58,7 @@ _RESULTS: dict[str, tuple[str, ...]] = {
     "sensitivity": ("study.Sensitivity",),
     "simulate": ("crank.Transient",),
     "tolerance": ("study.tolerance.Tolerances",),
+    "update": ("study.RotorUpdate",),
 }
 COMMANDS = tuple({**_TEXTS, **_RESULTS})
 

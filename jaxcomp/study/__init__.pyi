@@ -44,3 +44,5 @@ from .identification._recipe import map_recipe as map_recipe
 from .identification._result import Identification as Identification
 from .identification._rotor_tests import ModalTest as ModalTest
 from .identification._rotor_tests import VibrationTest as VibrationTest
+from .identification._rotor_update import RotorUpdate as RotorUpdate
+from .identification._rotor_update import update_rotor as update_rotor

@@ -1,5 +1,6 @@
 """`jaxcomp update`: a modal test made from known numbers gives them back."""
 
+import json
 import math
 
 import equinox as eqx
@@ -8,9 +9,11 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 
-from jaxcomp import load
+from jaxcomp import BadInput, load, load_result
 from jaxcomp.cli import app
 from jaxcomp.rotor import undamped_modes
+from jaxcomp.scene.measured import read_measurement
+from jaxcomp.study import update_rotor
 
 
 @pytest.fixture(scope="module")
@@ -47,6 +50,19 @@ def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
     before = load("hermetic-68cc").parts["rotor"].shafts[3].young_modulus
     np.testing.assert_allclose(fitted, variable["factor"] * before, rtol=1e-12)
     assert (out / "report.html").exists()
+    # Python gives the same, and a file keeps it
+    scene = load("hermetic-68cc")
+    test = read_measurement(modal_test, scene.machine)
+    found = update_rotor(scene, test, ["rotor.shafts.3.young_modulus"])
+    printed = json.loads(answer.stdout)
+    for key, value in json.loads(found.to_json()).items():
+        assert printed[key] == value, key
+    found.save(tmp_path / "update.npz")
+    again = load_result(tmp_path / "update.npz")
+    assert again.to_json() == found.to_json()
+    assert found.identification.machine.parts["rotor"].shafts[3].young_modulus[0] == fitted[0]
+    with pytest.raises(BadInput, match="a number of the rotor"):
+        update_rotor(scene, test, ["mechanism.bore"])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,145 @@
+"""Numbers of a rotor fitted to a modal test, each by a factor."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import NDArray
+
+from ..._core.errors import BadInput
+from ..._core.nested import fields_of, records
+from ..._core.results import Data, Result, reading
+from ...machine import HasMachine, Machine, machine_of
+from ._common_factor import varied
+from ._identify import identify
+from ._result import Identification
+from ._rotor_tests import ModalTest
+
+
+class RotorUpdate(Result, eqx.Module):
+    """What a modal test makes of the numbers of a rotor.
+
+    Attributes:
+        paths: (variables,) of the numbers.
+        units: (variables,) their SI units.
+        start, estimate: [SI] (variables,) before and after.
+        standard_error: [SI] (variables,)
+        at_bound: (variables,) whether an estimate lies on a bound.
+        free: whether the rotor hung free.
+        converged: whether the fit is.
+        steps: of the fit.
+        notes: what is not to be trusted, in words.
+        mode: (modes,) number from 1.
+        measured, before, after: [rad/s] (modes,) natural frequencies.
+        identification: that it is; has the machine with the estimates.
+    """
+
+    paths: tuple[str, ...] = eqx.field(static=True)
+    units: tuple[str, ...] = eqx.field(static=True)
+    start: Float[np.ndarray, " variables"]
+    estimate: Float[np.ndarray, " variables"]
+    standard_error: Float[np.ndarray, " variables"]
+    at_bound: Bool[np.ndarray, " variables"]
+    free: bool = eqx.field(static=True)
+    converged: bool = eqx.field(static=True)
+    steps: int = eqx.field(static=True)
+    notes: tuple[str, ...] = eqx.field(static=True)
+    mode: Int[np.ndarray, " modes"] = reading("", "mode")
+    measured: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
+    before: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
+    after: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
+    identification: Identification | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("mode",)
+    not_saved: ClassVar[tuple[str, ...]] = ("identification",)
+    nested_units: ClassVar[str] = """
+        variables: factor; before, after, standard_error {number}
+        modes: measured, before, after [rad/s]; mode, error
+        steps
+    """
+
+    @property
+    def error(self) -> NDArray:
+        """(modes,) frequency after over that measured, less one."""
+        return self.after / self.measured - 1
+
+    @property
+    def status(self) -> str:
+        """How the fit ended."""
+        return "converged" if self.converged else "not converged"
+
+    def described(self) -> Iterator[Data]:
+        """The numbers with their factors, and the frequencies."""
+        for n, (path, unit) in enumerate(zip(self.paths, self.units, strict=True)):
+            yield Data(path, unit, self.estimate[n])
+            yield Data(f"factor.{path}", "", self.estimate[n] / self.start[n])
+        yield from super().described()
+        yield Data("error", "", self.error, self.table_dims)
+
+    def nested(self) -> dict[str, Any]:
+        """Every number before and after, and every frequency."""
+        return {
+            "free": self.free,
+            "variables": records(
+                path=self.paths,
+                factor=self.estimate / self.start,
+                before=self.start,
+                after=self.estimate,
+                standard_error=self.standard_error,
+                at_bound=self.at_bound,
+            ),
+            "modes": records(**fields_of(self, "mode", "measured", "before", "after", "error")),
+            **fields_of(self, "converged", "steps", "notes"),
+        }
+
+
+def update_rotor(
+    machine: Machine | HasMachine,
+    test: ModalTest,
+    paths: Sequence[str],
+    within: tuple[float, float] = (0.5, 2.0),
+    regularisation: float = 0.0,
+) -> RotorUpdate:
+    """Fit numbers of a rotor to the natural frequencies of a modal test.
+
+    It is `identify` with one start, a factor for each number, and a penalty in the place of priors.
+
+    Args:
+        machine: a scene or a machine with a rotor.
+        test: what was measured.
+        paths: of the numbers, such as "rotor.shafts.0.young_modulus", which get one common factor where
+            a path holds several.
+        within: [-] bounds of every factor.
+        regularisation: [-] penalty on the distance from the numbers of the machine; 0 for none. At 1 a
+            usual error of all frequencies weighs as much as the whole range of a factor.
+
+    Raises:
+        BadInput: a number that is none of a rotor; or as `identify`.
+    """
+    design, vary, prior = machine_of(machine), {}, {}
+    for path in paths:
+        if not path.startswith("rotor."):
+            raise BadInput("paths", path, "a number of the rotor, as rotor.shafts.0.length")
+        now = float(varied(design, path).current(design))
+        vary[path] = (within[0] * now, within[1] * now)
+        if regularisation:
+            # a relative error of the frequencies weighs as much as a range of the factor over it
+            prior[path] = (now, test.USUAL * (vary[path][1] - vary[path][0]) / regularisation)
+    found = identify(machine, test, vary, prior, starts=1)
+    before, _ = found.study(np.asarray(found.start), [0])
+    mine = found.of("frequency")
+    return RotorUpdate(
+        found.parameters,
+        found.units,
+        *(np.asarray(one) for one in (found.start, found.estimate, found.standard_error)),
+        np.array([bool(one) for one in found.fit.at_bound]),
+        test.free,
+        bool(found.fit.converged),
+        int(found.fit.steps),
+        tuple(found.notes),
+        np.array(test.modes),
+        *(np.asarray(one)[mine] for one in (found.measured, before, found.computed)),
+        found,
+    )
