@@ -12,7 +12,6 @@ from ._classical import rod_ring as rod_ring
 from ._discrete import discrete as discrete
 from ._discrete import stock as stock
 from ._influence import direct_influence as direct_influence
-from ._influence import influence_of as influence_of
 from ._influence import machine_influence as machine_influence
 from ._influence import select as select
 from ._influence import trial_influence as trial_influence

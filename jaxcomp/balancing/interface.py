@@ -6,3 +6,4 @@ from ._discrete import split as split
 from ._influence import Influence as Influence
 from ._influence import InfluenceRow as InfluenceRow
 from ._influence import flexibilities as flexibilities
+from ._influence import influence_of as influence_of

@@ -12,8 +12,8 @@ from .._core.errors import BadInput
 from .._core.fields import admissible
 from .._core.registry import Quantity, registered, registered_quantity
 from .._core.words import one_of
-from ..balancing import influence_of, least_squares
-from ..balancing.interface import Influence, flexibilities
+from ..balancing import least_squares
+from ..balancing.interface import Influence, flexibilities, influence_of
 from ..compressor import Compressor
 from ..crank import (
     Collocation,
