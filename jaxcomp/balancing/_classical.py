@@ -16,8 +16,9 @@ from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ..mechanism import SliderCrank
 from ..rotor import BalancingPlanes, RotorModel, Unbalances
 from ..rotor.interface import Node, node_positions, shaft_mass, subset_names, subsets
+from ._balance import Balance
 from ._influence import Influence
-from ._least_squares import Balance, predicted
+from ._least_squares import predicted
 
 
 class PlanePair(NamedTuple):

@@ -8,8 +8,8 @@ import numpy as np
 
 from .._core.errors import BadInput
 from .._core.status import Status
+from ._balance import Balance, balance
 from ._influence import Influence
-from ._least_squares import Balance, balance
 
 
 def discrete(

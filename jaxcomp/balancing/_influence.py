@@ -84,6 +84,10 @@ class Influence(eqx.Module):
         """[m] V = V_0 + C B, Eq. (8)."""
         return self.initial + self.matrix @ correction
 
+    def size(self, correction: Complex[Array, " planes"]) -> Float[Array, ""]:
+        """Root of the weighted sum of squares of the vibration, in its unit."""
+        return jnp.linalg.norm(self.weight * self.vibration(correction))
+
     @property
     def weighted(self) -> tuple[Complex[Array, "rows planes"], Complex[Array, " rows"]]:
         """Matrix [m/(kg m)] and initial vibration [m] with every row times its weight."""

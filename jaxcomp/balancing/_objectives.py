@@ -24,8 +24,9 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.status import SolveFailed, Status
+from ._balance import Balance, balance
 from ._influence import Influence
-from ._least_squares import Balance, balance, bounds_of
+from ._least_squares import bounds_of
 
 
 def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 20_000) -> Balance:

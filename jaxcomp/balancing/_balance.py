@@ -1,0 +1,185 @@
+"""What a balance hands back: the corrections, the vibration that they leave, and how good they are."""
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Complex, Float
+
+from .._core.display import RPM, rounded, vibration_unit
+from .._core.nested import fields_of, records
+from .._core.results import Data, Result
+from .._core.status import Status
+from ._influence import Influence, InfluenceRow
+
+
+def balance(
+    influence: Influence,
+    correction: Complex[Array, " planes"],
+    objective: Float[Array, ""],
+    bound: Float[Array, ""],
+    method: str,
+    failure: Status | None = None,
+    scale: Float[Array, ""] | None = None,
+) -> "Balance":
+    """A balance with its status; corrections are NaN where the numbers of the system are not finite.
+
+    `failure` is what the method says of its end, converged if absent.
+    """
+    finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
+    status = Status.where(
+        finite, Status.converged if failure is None else failure, Status.bad_input
+    )
+    correction = jnp.where(finite, correction, jnp.nan)
+    return Balance(influence, correction, objective, bound, method, status, scale)
+
+
+def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
+    """[-] Ratio of the largest to the smallest singular value; infinite for a singular matrix."""
+    values = jnp.linalg.svd(matrix, compute_uv=False)
+    return values[0] / values[-1]
+
+
+class Balance(Result, eqx.Module):
+    """Corrections and what they do.
+
+    Attributes:
+        influence: the system that was balanced.
+        correction: [kg m] (planes,) unbalance to add, mass times radius with its angle.
+        bound: [m] a value that no admissible correction can get below, in the norm of the method
+            (`objective`); equal to the objective where the method is exact.
+        objective: [m] what the method makes small, at the correction.
+        method: name of the method.
+        status: converged; or why the correction is none, or not the best one.
+        scale: what the gap is relative to; absent: the vibration before, in that norm.
+    """
+
+    influence: Influence
+    correction: Complex[Array, " planes"]
+    objective: Float[Array, ""]
+    bound: Float[Array, ""]
+    method: str = eqx.field(static=True)
+    status: Status
+    scale: Float[Array, ""] | None = None
+
+    table_dims: ClassVar[tuple[str, ...]] = ("row",)
+    nested_units: ClassVar[str] = """
+        planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
+        rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
+        rows: before_phase, after_phase [rad]
+        worse, improvement, condition, gap; objective, bound {vibration_unit}
+    """
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result, in SI units; measured vibration as it was read."""
+        unit, trial = self.influence.unit, self.influence.trial
+        for number, plane in enumerate(self.influence.planes):
+            yield Data(f"correction.{plane}", trial, self.correction[..., number])
+        yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
+        yield Data("condition", "", self.condition)
+        for name, si in (("target", ""), ("axis", ""), ("speed", "rad/s")):
+            values = np.array([getattr(row, name) for row in self.influence.rows])
+            yield Data(name, si, values, ("row",))
+        yield Data("weight", "", self.influence.weight, ("row",))
+        yield Data("before", unit, self.influence.initial, ("row",))
+        yield Data("after", unit, self.residual, ("row",))
+
+    def nested(self) -> dict[str, Any]:
+        """Planes with their corrections, and rows with the vibration before and after."""
+        part, value, left = self.influence, np.asarray(self.correction), np.asarray(self.residual)
+        size, before, by_mass = np.abs(value), np.asarray(part.initial), part.trial == "kg"
+        radius = np.full(size.shape, np.nan) if part.radius is None else np.asarray(part.radius)
+        sensitivity = np.asarray(self.sensitivity()).tolist()
+        return {
+            **{"method": self.method, "vibration_unit": part.unit, "correction_unit": part.trial},
+            "planes": records(
+                name=part.planes,
+                correction=size,
+                unbalance=np.full(size.shape, np.nan) if by_mass else size,
+                phase=np.angle(value),
+                radius=radius,
+                mass=size if by_mass else size / radius,
+            ),
+            "rows": records(
+                **dict(zip(InfluenceRow._fields, zip(*part.rows, strict=True), strict=True)),
+                weight=part.weight,
+                before=np.abs(before),
+                before_phase=np.angle(before),
+                after=np.abs(left),
+                after_phase=np.angle(left),
+                sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
+            ),
+            "worse": np.sum(self.worse),
+            **fields_of(self, "improvement", "condition", "objective", "bound", "gap", "verdict"),
+            "status": Status[self.status],
+        }
+
+    @property
+    def verdict(self) -> str:
+        """How many readings get worse, and the one that does so most, in words."""
+        before, after = np.abs(self.influence.initial), np.abs(self.residual)
+        if not np.any(after > before):
+            return "No reading gets worse."
+        most = self.influence.rows[place := int(np.argmax(after - before))]
+        unit, factor = vibration_unit(self.influence.unit)
+        ends = (rounded(float(one[place]) * factor, 3) for one in (before, after))
+        return (
+            f"{np.sum(after > before)} of {after.size} readings get worse; most of all {most.target} "
+            f"{most.axis} at {most.speed * RPM:.5g} rpm, from {' to '.join(ends)} {unit}."
+        )
+
+    @property
+    def converged(self) -> Bool[Array, ""]:
+        """Whether the correction is what the method promises."""
+        return self.status == Status.converged
+
+    @property
+    def residual(self) -> Complex[Array, " rows"]:
+        """[m] Predicted vibration of every row."""
+        return self.influence.vibration(self.correction)
+
+    @property
+    def gap(self) -> Float[Array, ""]:
+        """[-] How far above its bound the objective lies, relative to `scale`."""
+        scale = self.scale
+        scale = jnp.linalg.norm(self.influence.weighted[1]) if scale is None else scale
+        return _share(self.objective - self.bound, scale)
+
+    @property
+    def worse(self) -> Bool[Array, " rows"]:
+        """Which readings are higher after than before."""
+        return jnp.abs(self.residual) > jnp.abs(self.influence.initial)
+
+    @property
+    def improvement(self) -> Float[Array, ""]:
+        """[-] Weighted root mean square of the vibration after over before."""
+        before = jnp.linalg.norm(self.influence.weighted[1])
+        return _share(self.influence.size(self.correction), before)
+
+    @property
+    def condition(self) -> Float[Array, ""]:
+        """[-] Ratio of the largest to the smallest singular value of the weighted system."""
+        return condition(self.influence.weighted[0])
+
+    @eqx.filter_jit
+    def sensitivity(
+        self, mass_error: float = 0.01, angle_error: float = np.pi / 180
+    ) -> Float[Array, "rows planes"]:
+        """[m] Change of each vibration when one plane's mass and angle are off by these errors.
+
+        To first order an error of the mass lies along the correction and one of the angle across it:
+        together they have the length |B| sqrt(mass^2 + angle^2).
+
+        Args:
+            mass_error: [-] relative error of the mass.
+            angle_error: [rad] of its place.
+        """
+        size = jnp.abs(self.correction) * jnp.hypot(mass_error, angle_error)
+        return jnp.abs(self.influence.matrix) * size
+
+
+def _share(part, whole) -> Float[Array, ""]:
+    """[-] Of a whole that may be zero, as the part is then."""
+    return part / (whole + (whole == 0))
