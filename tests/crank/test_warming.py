@@ -14,7 +14,8 @@ from jaxcomp.cylinder import CycleOptions, SuctionWarming, solve_cycle
 from jaxcomp.motor import ConstantSpeed, MeanSpeed
 
 LAW = 0.01, 0.1  # [W/K], [-]
-SOLVER = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=30, nodes=6))
+# on 30 panels the valves of this cylinder have several courses, and rounding chooses among them
+SOLVER = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=48, nodes=6))
 
 
 def warmed(motor=ConstantSpeed):
@@ -77,7 +78,7 @@ def test_a_constant_rise_of_the_same_size_is_the_same():
     orbit = solve_orbit(machine, SOLVER)
     rise = rise_of(orbit)
     alone = solve_orbit(at_rise(machine, jnp.asarray(rise)), SOLVER)
-    # on panels that another march has laid: 2.4e-6 at 30 of them
+    # on panels that another march has laid: 2.4e-6 at 30 of them, fewer than here
     np.testing.assert_allclose(alone.cycle.mass_flow, orbit.cycle.mass_flow, rtol=1e-5)
     np.testing.assert_allclose(alone.motor_power, orbit.motor_power, rtol=1e-5)
 
@@ -92,7 +93,7 @@ def test_slopes_over_the_law_are_those_of_differences():
     step = 1e-2
     for column, way in enumerate(step * jnp.eye(3)):
         difference = (forward(1 + way)[0] - forward(1 - way)[0]) / (2 * step)
-        # 30 panels leave 2e-4 of the slopes
+        # 30 panels leave 2e-4 of the slopes, and 48 less
         np.testing.assert_allclose(slopes[:, column], difference, rtol=1e-3)
     # without the rise that follows the flow, the share of the losses would not touch it
     assert abs(slopes[0, 2]) > 0.01
