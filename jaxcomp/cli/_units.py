@@ -11,7 +11,7 @@ from .._core.registry import registered
 # By the name of the command: of what it has beside a result of the library.
 _TEXTS = {
     "run": "tolerance",
-    "animate": "energy_residual; speed [rad/s]; largest_before, largest_after [m]; improvement",
+    "animate": "frames, energy_residual; speed [rad/s]; largest_before, largest_after [m]; improvement",
     "simulate": "tolerance; power_off [s]",
     "sweep": """
         shape, designs, failed
