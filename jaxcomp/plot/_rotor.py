@@ -1,14 +1,8 @@
-"""Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell, motion.
-
-The motion is that in the plane of x and z before and after balancing: shafts as lines through their
-nodes, rigid bodies as boxes around theirs, both moved by their displacement along x times a factor that
-the picture names; the rest position stays in grey. Only what follows the speed once a revolution is
-shown, which is what correction masses act on.
-"""
+"""Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell."""
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -21,12 +15,9 @@ from ..rotor import CampbellDiagram, DampedModes, Response, RotorModel, RotorMod
 from ..rotor.interface import node_names, node_positions, subset_names, subsets
 from ..vibration import MotionOverSpeed, RotorMotion
 from . import _style as style
-from ._animate import Motion
 
 # Curves of a response that still can be read.
 _CURVES = 7
-# Share of the machine's height that the largest motion before balancing takes in the picture.
-_SHARE = 0.15
 # Damping ratio from which on a mode has no peak.
 _STRONG = math.sqrt(0.5)
 # What the shape of a motion shows.
@@ -169,7 +160,7 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     title = f"Deflection shape, {speed:.5g} cycles per minute"
     figure, axes = style.stacked(2, (7.2, 5.6), title)
     style.note(figure, _SHADE)
-    _shape(axes, model, 1e6 * _first(response))
+    _shape(axes, model, 1e6 * first_motion(response))
     axes[0].set_ylabel("ux, µm")
     axes[1].set(xlabel="z, mm", ylabel="uy, µm")
     style.legend_above(axes[0])
@@ -297,7 +288,7 @@ def _draw_shafts(ax, model, places) -> float:
     return height
 
 
-def _first(response: Response) -> np.ndarray:
+def first_motion(response: Response) -> np.ndarray:
     """(nodes, dof) at the first order and speed."""
     x = np.asarray(response.displacement)
     return x.reshape(-1, *x.shape[-2:])[0]
@@ -319,93 +310,3 @@ def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
             size = np.abs(x[at, plane])
             ax.fill_between(z, -size, size, color=style.tint(number), alpha=0.08, linewidth=0)
             style.zero_line(ax)
-
-
-# ---------------------------------------------------------------- a rotor before and after balancing
-
-
-def balance_motion(
-    model: RotorModel, before: Response, after: Response, frames: int = 36
-) -> Motion:
-    """One turn before and after balancing, with the same factor of exaggeration.
-
-    Args:
-        model: rotor, crankcase and housing.
-        before, after: responses of all nodes at order 1; their first speed is shown.
-        frames: pictures of the revolution.
-    """
-    moved = [_first(response)[:, 0] for response in (before, after)]
-    places = node_positions(model)
-    at = 1e3 * np.array([places[node] for node in node_names(model)])  # mm
-    largest = [1e3 * np.abs(motion).max() for motion in moved]  # mm
-    # of one digit
-    factor = _SHARE * np.ptp(at[:, 2]) / max(largest[0], 1e-9)
-    power = 10.0 ** math.floor(math.log10(factor))
-    factor = max(1.0, math.floor(factor / power) * power)
-    rpm = float(np.asarray(before.frequency).reshape(-1)[0]) * RPM
-    title = f"Vibration along x at {rpm:.5g} rpm, {factor:,.0f} times exaggerated"
-    figure, axes = style.new_figure(1, 2, (8.4, 4.6), title)
-    lines = []
-    for ax, motion, size, word in zip(axes[0], moved, largest, ("Before", "After"), strict=True):
-        style.heading(ax, f"{word}: at most {1e3 * size:.3g} µm")
-        outlines = _outlines(model, at, motion)
-        for one in outlines:
-            ax.plot(one.x, one.z, "-", color="#CCCCCC", linewidth=1.2, zorder=1)
-            look = {"color": style.tint(one.number), "label": subset_names(model)[one.number]}
-            lines.append((ax.plot([], [], "-", linewidth=2.2, **look)[0], one))
-        x, z = (np.concatenate([getattr(one, key) for one in outlines]) for key in "xz")
-        room = 1.2 * _SHARE * np.ptp(z)
-        ax.set(xlim=(x.min() - room, x.max() + room), xlabel="x, mm", ylabel="z, mm")
-        ax.set_ylim(z.max() + room / 2, z.min() - room / 2)  # z runs downwards
-        ax.set_aspect("equal", adjustable="box")
-    style.legend_outside(axes[0, 0], "lower center", 4)
-
-    def show(frame: int) -> None:
-        turned = np.exp(2j * np.pi * frame / frames)
-        for line, one in lines:
-            line.set_data(one.x + 1e3 * factor * (one.motion * turned).real, one.z)
-
-    show(0)
-    return Motion(figure, show, frames)
-
-
-class Outline(NamedTuple):
-    """A line that moves: of a shaft or around a body.
-
-    Attributes:
-        number: of its subset.
-        x, z: [mm] at rest.
-        motion: [m] complex amplitude along x.
-    """
-
-    number: int
-    x: np.ndarray
-    z: np.ndarray
-    motion: np.ndarray
-
-
-def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Outline]:
-    """Boxes around the bodies, the longest one around the others, and the shafts in front."""
-    names = list(node_names(model))
-    on_shafts = {node for shaft in model.shafts for pair in shaft.pairs for node in pair}
-    boxes, shafts = [], []
-    for number, group in enumerate(subsets(model)):
-        for body in model.bodies:
-            if body.centre in group:
-                boxes.append((number, [names.index(node) for node in (body.centre, *body.nodes)]))
-        line = sorted((names.index(n) for n in group if n in on_shafts), key=lambda i: at[i, 2])
-        if line:
-            shafts.append(Outline(number, at[line, 0], at[line, 2], motion[line]))
-    boxes.sort(key=lambda box: np.ptp(at[box[1], 2]))
-    step = 0.08 * np.ptp(at[:, 2])
-    left, right = 0.0, 0.0
-    for number, members in boxes:
-        x, y, z = at[members].T
-        left, right = min(left - step, x.min()), max(right + step, x.max())
-        # of a rigid body u_x is linear in y and z, so that its nodes tell the motion of the corners
-        terms = np.stack([np.ones(len(members)), y, z], axis=1)
-        fit = np.linalg.lstsq(terms, motion[members], rcond=None)[0]
-        z = np.array([z.min(), z.min(), z.max(), z.max(), z.min()])
-        x = np.array([left, right, right, left, left])
-        shafts.insert(0, Outline(number, x, z, fit[0] + fit[2] * z))
-    return shafts

@@ -41,7 +41,6 @@ from ._optimise import optimum_convergence as optimum_convergence
 from ._optimise import optimum_figures as optimum_figures
 from ._optimise import optimum_path as optimum_path
 from ._optimise import pareto_front as pareto_front
-from ._rotor import balance_motion as balance_motion
 from ._rotor import campbell_diagram as campbell_diagram
 from ._rotor import deflection_shape as deflection_shape
 from ._rotor import mode_shapes as mode_shapes
@@ -50,6 +49,7 @@ from ._rotor import response_orbits as response_orbits
 from ._rotor import rotor_drawing as rotor_drawing
 from ._rotor import rotor_modes_figures as rotor_modes_figures
 from ._rotor import rotor_motion_figures as rotor_motion_figures
+from ._rotor_motion import balance_motion as balance_motion
 from ._style import INK as INK
 from ._style import colour as colour
 from ._style import words as words
