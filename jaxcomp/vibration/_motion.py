@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -102,7 +103,7 @@ class RotorMotion(Result):
     def orbits(self) -> dict[str, WhirlOrbit]:
         """The orbit of every watched node, (o, s) in all fields."""
         every = np.stack([*self.motion.values()])
-        found = orbit(every[..., 0], every[..., 1])
+        found = jax.device_get(orbit(every[..., 0], every[..., 1]))
         return {name: WhirlOrbit(*(x[i] for x in found)) for i, name in enumerate(self.motion)}
 
     def described(self) -> Iterator[Data]:
