@@ -184,6 +184,11 @@ def assembled(machine: Machine) -> Assembly:
     )
 
 
+def assembly_of(machine: Machine | HasMachine | Assembly) -> Assembly:
+    """The machine of what a verb of a whole machine was given, put together if it is not yet."""
+    return machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+
+
 def correction_unbalance(node, value: Float[Array, "2"]) -> "Unbalances":
     """The unbalance (x, y) [kg m] of a correction mass on a node.
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
-from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..mechanism import SliderCrank
 from ..rotor import BalancingPlanes, RotorModel, Unbalances
 from ..rotor.interface import Node, node_positions, shaft_mass, subset_names, subsets
@@ -186,7 +186,7 @@ def balance_rotor_alone(
     Raises:
         BadInput: a part that is missing, or as `classical_balance`.
     """
-    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    made = assembly_of(machine)
     if made.rotor is None or made.loads is None or made.balancing is None:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
     speed = max(row.speed for row in influence.rows) if speed is None else speed

@@ -21,7 +21,7 @@ from .._core.exported import kept_jit
 from .._core.fields import is_traced
 from .._core.words import one_of
 from ..crank import Collocation
-from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, PeriodicForce, RotorModel, Unbalances, receptance
 from ..rotor.interface import load_vector, nodal_load
 from ..vibration import crank_loads, running_rotor
@@ -292,7 +292,7 @@ def machine_influence(
     Raises:
         BadInput: a part that is missing.
     """
-    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    made = assembly_of(machine)
     places = made.balancing
     if made.rotor is None or made.loads is None or places is None or not places.planes:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")

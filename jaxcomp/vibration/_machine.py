@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from .. import rotor
 from .._core.errors import BadInput
 from ..compressor import Compressor
-from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
 from ..rotor.interface import NO_CRANK, System, critical_speeds_between
 from ._coupling import crank_loads, loaded_rotor, running_rotor
@@ -208,7 +208,7 @@ def rotor_modes(
 
 
 def _with_rotor(machine: Machine | HasMachine | Assembly) -> Assembly:
-    made = machine if isinstance(machine, Assembly) else assembled(machine_of(machine))
+    made = assembly_of(machine)
     if made.rotor is None:
         raise BadInput("rotor", "absent", "given, for the vibration of a machine")
     return made
