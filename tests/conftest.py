@@ -14,6 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import jax
 import pytest
+from interrupts import Interrupts
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
 from jaxcomp._core import exported
@@ -41,9 +42,17 @@ _counted = time.monotonic()
 
 
 def pytest_configure(config):
+    config.pluginmanager.register(Interrupts())
     # A second run of the tests reuses the compiled programs of the first.
     if hasattr(config, "cache"):
         os.environ["JAXCOMP_CACHE"] = str(config.cache.mkdir("programs"))
+
+
+@pytest.hookimpl(optionalhook=True)  # absent without pytest-xdist
+def pytest_xdist_make_scheduler(config, log):
+    from distribution import SchedulingPastCrashes
+
+    return SchedulingPastCrashes(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 @pytest.fixture(autouse=True)

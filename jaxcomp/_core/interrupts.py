@@ -4,7 +4,8 @@ Python's own `KeyboardInterrupt` would be raised between any two steps of the ma
 of an import of NumPy or JAX, which ends in a traceback or a segmentation fault, or in a callback of the
 garbage collector, where it is dropped. So the handler ends the process itself. Python calls it between
 two such steps as well, of which there are none while XLA compiles; then a thread that is told of the
-interrupt too ends the process.
+interrupt too ends the process. A process that is told to end (SIGTERM, of `timeout`, `kill` or a queue of
+jobs) ends in the same way, with its own status.
 
 Both are there before the rest is imported, and little is imported for them: `_thread`, not `threading`.
 """
@@ -18,13 +19,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-# What a shell expects of a program that an interrupt ends.
+# What a shell expects of a program that an interrupt ends: 128 and the number of the signal.
 STOPPED = 130
+_HEARD = {signal.SIGINT: STOPPED, signal.SIGTERM: 128 + signal.SIGTERM}
 # [s] The main thread has to put away what it began.
 _GRACE = 1.5
 _CLEAR_LINE, _SHOW_CURSOR = "\r\x1b[K", "\x1b[?25h"
 _IMPORT = "<frozen importlib._bootstrap>"
-_state = {"words": "stopped", "interrupted": False, "raised": 0}
+# `interrupted` is the status of the signal that came, 0 before one has.
+_state = {"words": "stopped", "interrupted": 0, "raised": 0}
 _unfinished: set[str] = set()  # files
 
 
@@ -66,19 +69,22 @@ def ends_when_interrupted() -> Iterator[None]:
 
     What runs within is the whole program: an interrupt that comes while Python puts itself away ends it
     in the same way, until Python hears none; then the process ends without a word. A process that was
-    started to ignore interrupts goes on to.
+    started to ignore a signal goes on to, but a `KeyboardInterrupt` that code raises ends it as well.
     """
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
-        yield
-        return
+    heard = {
+        number: status
+        for number, status in _HEARD.items()
+        if signal.getsignal(number) != signal.SIG_IGN
+    }
     reading, writing = os.pipe()
     if hasattr(os, "set_blocking"):
         os.set_blocking(writing, False)
 
     def watch():
-        while os.read(reading, 1)[0] != signal.SIGINT:
-            pass
-        _state["interrupted"] = True
+        number = os.read(reading, 1)[0]
+        while number not in heard:
+            number = os.read(reading, 1)[0]
+        _state["interrupted"] = heard[number]
         time.sleep(_GRACE)
         _leave(flush=False)  # the main thread may hold the streams
 
@@ -87,9 +93,10 @@ def ends_when_interrupted() -> Iterator[None]:
             hook(what)
 
     hook, sys.unraisablehook = sys.unraisablehook, unraisable
-    _state.update(words="stopped", interrupted=False, raised=0)
+    _state.update(words="stopped", interrupted=0, raised=0)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    signal.signal(signal.SIGINT, _interrupted)
+    for number in heard:
+        signal.signal(number, _interrupted)
     _thread.start_new_thread(watch, ())
     try:
         yield
@@ -102,7 +109,7 @@ def ends_when_interrupted() -> Iterator[None]:
 
 def _interrupted(number: int, frame: FrameType | None) -> None:
     """Handle the signal between two steps of the main thread."""
-    _state["interrupted"] = True
+    _state["interrupted"] = _HEARD[signal.Signals(number)]
     if not _state["raised"] or _imports(frame):
         _leave()
     raise KeyboardInterrupt
@@ -130,4 +137,4 @@ def _leave(flush: bool = True) -> None:
         if os.isatty(2):
             text = f"{_CLEAR_LINE}{text}{_SHOW_CURSOR}"
         os.write(2, text.encode(errors="replace"))
-    os._exit(STOPPED)
+    os._exit(_state["interrupted"] or STOPPED)

@@ -98,16 +98,21 @@ def test_a_failure_in_single_precision_says_so():
 
 @pytest.fixture
 def _interrupts_of_pytest():
-    """Interrupts are heard by pytest again, after the program has run in its process."""
-    handler, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    """Signals are heard by pytest again, after the program has run in its process."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    hook = sys.unraisablehook
     yield
-    signal.signal(signal.SIGINT, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
     signal.set_wakeup_fd(-1)
     sys.unraisablehook = hook
 
 
 @pytest.mark.usefixtures("_interrupts_of_pytest")
-def test_an_interrupt_ends_without_a_traceback(monkeypatch, capfd):
+@pytest.mark.parametrize("handler", [signal.default_int_handler, signal.SIG_IGN])
+def test_an_interrupt_ends_without_a_traceback(monkeypatch, capfd, handler):
+    signal.signal(signal.SIGINT, handler)
+
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
@@ -188,16 +193,17 @@ def interruptible(command, **environment):
         running.kill()
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("kind", STUBBORN)
-def test_an_interrupt_ends_what_does_not_stop(kind):
+def test_an_interrupt_ends_what_does_not_stop(kind, number):
     code = "import threading, time\nfrom jaxcomp._core.interrupts import ends_when_interrupted\n"
     code += "with ends_when_interrupted():" + STUBBORN[kind]
     with interruptible([sys.executable, "-c", code]) as running:
         assert running.stdout is not None
         running.stdout.readline()
-        running.send_signal(signal.SIGINT)
+        running.send_signal(number)
         _, told = running.communicate(timeout=20)  # of the 30 s that it would take by itself
-    assert (running.returncode, told) == (130, b"stopped\n")
+    assert (running.returncode, told) == (128 + number, b"stopped\n")
 
 
 # Modules before whose import an interrupt comes; NumPy's C extension imports the third half way through.
