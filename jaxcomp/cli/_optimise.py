@@ -20,6 +20,9 @@ from ._output import Output, Partial
 from ._start import refuse, start_jax, waiting
 from ._tables import beside_table, bold, row_table
 
+# Status of the program where no design keeps the constraints.
+_NOT_FEASIBLE = 3
+
 Method = Literal["slsqp", "least-squares", "adam"]
 
 
@@ -86,6 +89,9 @@ def optimise(asked: Asked, output: Output) -> None:
     Robust: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --scatter
     'friction.*.coefficient=+-20 %' --sigmas 3[/bold]
 
+    Where no design found keeps the constraints, the one that breaks them least is shown, and the
+    status of the program is 3.
+
     Front of two objectives: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --pareto
     speed_fluctuation --out result[/bold]
 
@@ -143,9 +149,12 @@ def optimise(asked: Asked, output: Output) -> None:
         lambda: jc.plot.interface.optimum_figures(found),
         scene,
         {"designs": found.columns},
-        "Report, pictures, designs, result and optimised scene",
+        "Report, pictures, designs, result and "
+        + ("optimised scene" if found.feasible else "the scene of the nearest design"),
         beside=said,
     )
+    if not found.feasible:
+        raise typer.Exit(_NOT_FEASIBLE)
 
 
 # ------------------------------------------------------------------- the problem
@@ -237,37 +246,50 @@ def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -
     ]
     best = bold(_text(goal, goal["value"], 6))
     rows += [(), (name, _text(goal, goal["present"], 6), best, "", "")]
-    title = f"{result['machine']}: {way} {name.lower()}"
-    yield row_table(title, ("", "Present", "Optimum", "Range", ""), rows)
+    feasible = result["feasible"]
+    label = "Optimum" if feasible else "Nearest"
+    aim = f"{way} {name.lower()}" if feasible else result["verdict"]
+    yield row_table(f"{result['machine']}: {aim}", ("", "Present", label, "Range", ""), rows)
+    if result["constraints"] and not feasible:
+        yield _constraints_table(result)
     if beside is not None:
         yield beside_table(beside)
-    if result["constraints"]:
-        signs = {"upper": "<=", "lower": ">=", "equal": "="}
-        rows = [
-            (one["name"], _text(one, one["value"]), f"{signs[one['side']]} {_text(one, one['bound'])}",
-             "broken" if one["violation"] else "active" if one["active"] else "slack",
-             one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}")
-            for one in result["constraints"]
-        ]  # fmt: skip
-        heads = ("Constraint", "Value", "Bound", "", "Objective per unit of the bound")
-        yield row_table(None, heads, rows)
+    if result["constraints"] and feasible:
+        yield _constraints_table(result)
     rows = [
         (", ".join(_text(*pair) for pair in zip(variables, one["start"], strict=True)),
          _text(goal, one["objective"], 6), one["steps"], one["status"],
-         "at the optimum" if one["agrees"] else "elsewhere")
+         f"at the {label.lower()}" if one["agrees"] else "elsewhere")
         for one in result["starts"]
     ]  # fmt: skip
     yield row_table(None, ("Start", "Objective", "Designs solved", "Ended", ""), rows)
     solved = f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample"
+    slope = ("Slope left", f"{result['stationarity'] or 0:.1e} of the objective's spread")
+    compared = ("Compared", result["verdict"])
     rows = [
         ("Ended", result["status"]),
-        ("Slope left", f"{result['stationarity'] or 0:.1e} of the objective's spread"),
-        ("Compared", result["verdict"]),
+        *((slope, compared) if feasible else ()),
         ("Starts that agree", f"{result['agreeing']} of {len(result['starts'])}"),
         ("Designs solved", solved),
         ("Time", f"{result['seconds']:.1f} s"),
     ]
     yield row_table(None, ("Search", ""), rows, texts=2)
+
+
+def _constraints_table(result: dict[str, Any]) -> Any:
+    """What each constraint comes to, and by how much it is broken."""
+    signs = {"upper": "<=", "lower": ">=", "equal": "="}
+    rows = []
+    for one in result["constraints"]:
+        state = "active" if one["active"] else "slack"
+        if one["violation"]:
+            look = shown(one["name"], one["unit"], [one["bound"], one["value"]])
+            state = f"broken by {look.difference(one['excess'], 3).lstrip('+')}"
+        bound = f"{signs[one['side']]} {_text(one, one['bound'])}"
+        price = one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}"
+        rows.append((one["name"], _text(one, one["value"]), bound, state, price))
+    heads = ("Constraint", "Value", "Bound", "", "Objective per unit of the bound")
+    return row_table(None, heads, rows)
 
 
 def front_tables(result: dict[str, Any]) -> Iterator[Any]:

@@ -17,7 +17,7 @@ from ..scene import Scene, SceneError, loads
 from ._layout import DARK, LIGHT, TABLE, WIDE, as_it_is, grid, sides
 from ._pictures import Pictures
 from ._slider import Slider
-from ._state import HEADLINES, Desk
+from ._state import HEADLINES, Desk, Improvement
 
 # Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
 _SLIDERS = 6
@@ -50,6 +50,7 @@ class Page:
         """Put a machine on the desk, in the place of the one that is there."""
         self.desk = Desk(scene)
         self.desk.system = self.units.value
+        self._searched: Desk | None = None  # whose search goes on
         self._influences: dict[str, Any] = {}
         self._ask_gains(patience)
         self._lay_out(self._by_gain()[:_SLIDERS])
@@ -102,6 +103,7 @@ class Page:
         button = pn.widgets.Button
         buttons = {name: button(label=name, on_click=call) for name, call in calls.items()}
         buttons["Improve"].button_type = "primary"
+        buttons["Improve"].loading = self._searched is self.desk
         return buttons
 
     def _files(self) -> tuple[Any, Any]:
@@ -147,7 +149,11 @@ class Page:
         wanted, self._wanted = self._wanted, None
         if wanted is None or wanted[1] == self.desk.values[wanted[0]]:
             return
-        self._tried(lambda: self.desk.move(*wanted, dragging=True))
+        name, value = wanted
+        self._tried(lambda: self.desk.move(name, value, dragging=True))
+        self._show_row(name)
+        if self.desk.values[name] != value and name in self.sliders:
+            self.sliders[name].follow()  # the place was refused
         self._show()
 
     def let_go(self) -> None:
@@ -241,35 +247,52 @@ class Page:
         )
 
     def _improve(self, _) -> None:
+        desk, document = self.desk, pn.state.curdoc
+        if self._searched is desk:
+            return
+        self._drag()
         ranges = {name: one.range for name, one in self.sliders.items()}
-        button, document = self.buttons["Improve"], pn.state.curdoc
-        button.loading = True
+        self._searched = desk
+        self.buttons["Improve"].loading = True
         self.say(
             f"Searching between the ends of the sliders; the first search takes {_WHILE}.", "info"
         )
 
         def told(stage, done, most):
-            later(lambda: setattr(button, "label", f"Improve: {stage}, {done} of {most}"))
+            later(lambda: self._search_goes_on(desk, f"Improve: {stage}, {done} of {most}"))
 
         def later(call):
             call() if document is None else _in_time(document, call)
 
-        def done(words):
-            button.loading, button.label = False, "Improve"
-            self.say(words)
-            self._show_all()
-
         def work():
             try:
-                words = f"{self.desk.quantity}: {self.desk.improve(ranges, told)}"
+                found = desk.search(ranges, told)
             except (BadInput, SolveFailed) as error:
-                words = str(error)
-            later(lambda: done(words))
+                found = error
+            later(lambda: self._search_ended(desk, found))
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
         if document is None:
             thread.join()
+
+    def _search_goes_on(self, desk: Desk, label: str) -> None:
+        if desk is self.desk:
+            self.buttons["Improve"].label = label
+
+    def _search_ended(self, desk: Desk, found: Improvement | Exception) -> None:
+        """Give the machine what was found for it; nothing if another one was opened meanwhile."""
+        if desk is not self.desk:
+            return
+        self._searched = None
+        self._drag()  # what was moved before the answer came counts as moved meanwhile
+        button = self.buttons["Improve"]
+        button.loading, button.label = False, "Improve"
+        if isinstance(found, Improvement):
+            self.say(f"{found.quantity}: {desk.take(found)}")
+        else:
+            self.say(str(found))
+        self._show_all()
 
     def _load(self, event) -> None:
         if not event.new:
@@ -282,12 +305,18 @@ class Page:
         self.open(scene)
 
     def _toml(self) -> io.BytesIO | None:
+        self._drag()
         try:
             return io.BytesIO(self.desk.toml().encode())
         except SceneError as error:
             self.say(str(error))
 
     # ------------------------------------------------------------ what the user sees
+
+    def _show_row(self, name: str) -> None:
+        """A number as it stands, in its row."""
+        row = list(self.table.value["name"]).index(name)
+        self.table.patch({"Value": [(row, self.desk.text(name))]})
 
     def _tried(self, change) -> None:
         try:

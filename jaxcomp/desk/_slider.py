@@ -70,9 +70,13 @@ class Slider:
         if not self._following:
             self.page.drag(self.name, self._si(event.new))
 
-    def _let_go(self, _) -> None:
-        if not self._following:
-            self.page.let_go()
+    def _let_go(self, event) -> None:
+        if self._following:
+            return
+        # where it was let go may come before the last place that it was dragged to
+        if event.new != self._value:
+            self.page.drag(self.name, self._si(event.new))
+        self.page.let_go()
 
     def _other_ends(self, _) -> None:
         if self._following:

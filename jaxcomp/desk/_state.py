@@ -73,6 +73,24 @@ class View(NamedTuple):
     vibration: Mapping[str, Any] = {}
 
 
+class Improvement(NamedTuple):
+    """What a search found for the machine that it began with, which may have been moved since.
+
+    Attributes:
+        quantity: that was made as good as it can be.
+        began: [SI] of every number when the search began.
+        values: [SI] of the numbers that were searched.
+        objective: [SI] of the quantity, with the other numbers as in `began`.
+        status: of the search, see `Optimum`.
+    """
+
+    quantity: str
+    began: dict[str, float]
+    values: dict[str, float]
+    objective: float
+    status: str
+
+
 class Desk:
     """A machine and what is done with it at the desk. Every page has its own.
 
@@ -247,25 +265,63 @@ class Desk:
             What was found, in words.
 
         Raises:
+            BadInput, SolveFailed: see `search`.
+        """
+        return self.take(self.search(ranges, callback))
+
+    def search(self, ranges: Mapping[str, tuple[float, float]], callback=None) -> Improvement:
+        """Find what makes the chosen quantity as good as it can be, and change nothing on the desk.
+
+        Meanwhile another thread may move numbers: the search is that of the machine as it stands now.
+
+        Args:
+            ranges, callback: as for `improve`.
+
+        Raises:
             BadInput, SolveFailed: as `jaxcomp.optimise`; or a quantity that is neither better when
                 larger nor when smaller.
         """
-        one = self.quantities[self.quantity]
-        if not one.better:
-            raise BadInput("quantity", self.quantity, "one that is better when larger or smaller")
+        name, machine, began = self.quantity, self.machine, dict(self.values)
+        if not self.quantities[name].better:
+            raise BadInput("quantity", name, "one that is better when larger or smaller")
         # a list of which all values move together is a factor for those who optimise
         scale, scaled = {}, {}
-        for name, ends in ranges.items():
-            scale[name] = self.values[name] if list_length(self.machine, name) else 1.0
-            scaled[name] = tuple(sorted(end / scale[name] for end in ends))
-        made = problem(self.machine, scaled, [self.quantity], self.options)
-        best = optimise(made, starts=2, samples=16, callback=callback)
+        for number, ends in ranges.items():
+            scale[number] = began[number] if list_length(machine, number) else 1.0
+            scaled[number] = tuple(sorted(end / scale[number] for end in ends))
+        asked = problem(machine, scaled, [name], self.options)
+        best = optimise(asked, starts=2, samples=16, callback=callback)
+        values = {number: float(value) * scale[number] for number, value in best.values.items()}
+        return Improvement(name, began, values, best.objective, best.status)
+
+    def take(self, found: Improvement) -> str:
+        """Give the machine as it stands the numbers that a search found.
+
+        Numbers that were moved since it began, and that it did not search, stay as they are.
+
+        Returns:
+            What was found, in words.
+        """
+        moved = [name for name, value in self.values.items() if value != found.began[name]]
+        machine = self.machine
+        for name, value in found.values.items():
+            machine = self.numbers[name].moved(machine, value)
         self._keep()
-        self.machine = best.design
-        self.values |= {name: float(value) * scale[name] for name, value in best.values.items()}
+        self.machine = machine
+        self.values |= found.values
         self.view = self._solved()
-        value = best.objective
-        return f"{self.look(self.quantity, value).text(value)} ({best.status})"
+        look = self.look(found.quantity, found.objective)
+        words = f"{look.text(found.objective)} ({found.status})"
+        if not moved:
+            return words
+        stayed = ", ".join(self.label(name) for name in moved if name not in found.values)
+        changed = ", ".join(self.label(name) for name in moved if name in found.values)
+        words += " for the machine as it was when the search began"
+        if stayed:
+            words += f"; {stayed}: as moved since, so search again"
+        if changed:
+            words += f"; {changed}: as found, no longer as moved since (Undo goes back)"
+        return words
 
     def _check(self, one: GivenNumber, value: float, given: str) -> None:
         if not (np.isfinite(value) and bool(one.bound.holds(value))):

@@ -159,13 +159,18 @@ def _strips(optimum: Optimum) -> Figure:
         ax.set_ylim(low - 0.03 * (high - low), high + 0.03 * (high - low))
         ax.set_ylabel(look.label)
     axes[-1].set_xlabel(_STEPS)
-    style.note(figure, "Each colour is one start; dashed: the optimum.")
+    style.note(figure, f"Each colour is one start; dashed: the {optimum.label.lower()} design.")
     return figure
 
 
 def _best(ax, optimum: Optimum, x, y) -> None:
-    ax.plot(x, y, "*", color=_BEST, markersize=14, markeredgecolor="white", zorder=5, linestyle="",
-            label=f"optimum, {optimum.agreeing} of {len(optimum.starts)} starts")  # fmt: skip
+    look = {"zorder": 5, "linestyle": ""}
+    if not optimum.feasible:
+        label = "nearest design, breaks a constraint"
+        ax.plot(x, y, "X", color=_BAD, markersize=11, markeredgecolor="black", label=label, **look)
+        return
+    label = f"optimum, {optimum.agreeing} of {len(optimum.starts)} starts"
+    ax.plot(x, y, "*", color=_BEST, markersize=14, markeredgecolor="white", label=label, **look)
 
 
 def _present(ax, x, y) -> None:
@@ -173,6 +178,8 @@ def _present(ax, x, y) -> None:
 
 
 def _title(optimum: Optimum) -> str:
+    if not optimum.feasible:
+        return "No design found keeps the limits"
     if optimum.objective_name == "residuals":
         return "Targets met by least squares"
     return f"{'Highest' if optimum.maximised else 'Lowest'} {style.words(optimum.objective_name).lower()}"

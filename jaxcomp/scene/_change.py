@@ -179,7 +179,10 @@ def optimised_scene(scene: Scene, optimum: "Optimum") -> tuple[Scene, list[str]]
     Raises:
         SceneError: as `with_machine`.
     """
-    made = with_machine(scene, optimum.design, f"optimised for {optimum.objective_name}")
+    source = f"optimised for {optimum.objective_name}"
+    if not optimum.feasible:
+        source = f"nearest to the limits, {source}: {optimum.verdict}"
+    made = with_machine(scene, optimum.design, source)
     return made, [one for one in optimum.values if one.startswith("corrections.")]
 
 

@@ -143,6 +143,26 @@ def _slsqp(descent: Descent, start) -> None:
     )
 
 
+def keep_limits(descent: Descent, start) -> None:
+    """Steps that lessen the sum of the squares by which constraints are broken, until all are kept."""
+
+    def broken(u):
+        point = descent.at(u)
+        misses = descent.near(u).limits
+        over = np.where(descent.goal.equalities, misses.values, np.maximum(misses.values, 0.0))
+        value = over @ over / 2
+        if point.feasible:
+            raise _Ended
+        return value if point.ok else value + _FAILED, over @ misses.slope
+
+    from scipy.optimize import minimize  # half a second, for those who search
+
+    # The number of steps is `at`'s.
+    options = {"ftol": 1e-14, "gtol": 1e-9, "maxiter": 10_000}
+    bounds = [(0, 1)] * len(start)
+    minimize(broken, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
+
+
 def _least_squares(descent: Descent, start) -> None:
     """Gauss-Newton steps in a box as trust region, which keeps bounds (Voglis and Lagaris 2004)."""
 

@@ -17,7 +17,7 @@ from jaxtyping import ArrayLike, Float
 from .._core.arguments import counted
 from .._core.errors import BadInput
 from .._core.status import SolveFailed, Status
-from ._descent import Descent, Method, method_of
+from ._descent import Descent, Method, keep_limits, method_of
 from ._goal import Goal, Interval, Objective, Point, Ranges, goal_of
 from ._optimum import Optimum, Sample, optimum_of
 from ._problem import Asked, Problem, Solved, given_problem, solved
@@ -97,6 +97,8 @@ def optimise(
     goal, sample = search.sampled(goal)
     begin = sample.starts(count) if given is None else given
     descents = search.descents([(goal, start) for start in begin], chosen)
+    if sample.best is None and not any(one.best.feasible for one in descents):
+        descents += search.nearest(goal, descents, chosen)
     return optimum_of(goal, sample, descents)
 
 
@@ -193,6 +195,25 @@ class Search:
         best = int(np.argmin(worth)) if feasible.any() else None
         objective = np.array([one.objective for one in designs])
         return goal, Sample(self.points, values, objective, ok, feasible, best)
+
+    def nearest(self, goal: Goal, descents: Sequence[Descent], method: Method) -> list[Descent]:
+        """Move from the design that breaks the constraints least to where they are kept, and on.
+
+        Args:
+            goal: whose constraints no design keeps so far.
+            descents: that ended without.
+            method: of the search once they are kept.
+        """
+        solved_designs = [
+            Point(goal, goal.ranges.shares(design), *row)
+            for design, *row in zip(self.points, *self.found, strict=True)
+        ]
+        ends = [one.best for one in descents]
+        least = min([*ends, *solved_designs], key=lambda point: point.rank)
+        made = self.descents([(goal, goal.ranges.values(least.share))], keep_limits)
+        if made[0].best.feasible:
+            made += self.descents([(goal, goal.ranges.values(made[0].best.share))], method)
+        return made
 
     def descents(self, begin: Sequence[tuple[Goal, np.ndarray]], method: Method) -> list[Descent]:
         """Move from all starts, one after the other, each to its goal."""

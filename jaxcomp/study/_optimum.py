@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.display import shown
 from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from ..machine import Machine
@@ -16,6 +17,8 @@ from ._compared import Comparison, compare
 from ._descent import BETTER, Descent
 from ._goal import FEASIBLE, Goal, Point, Ranges
 from ._problem import Problem
+
+_SIGNS = {"upper": "<=", "lower": ">=", "equal": "="}  # of a side
 
 
 class Constrained(NamedTuple):
@@ -28,6 +31,7 @@ class Constrained(NamedTuple):
         active: whether the constraint holds the optimum back.
         multiplier: what the optimal objective gains per unit of the bound, in SI units of both.
         violation: [-] in spreads of the quantity over the sample; zero inside.
+        excess: [SI] of the quantity, by which the constraint is broken; zero inside.
     """
 
     name: str
@@ -37,6 +41,7 @@ class Constrained(NamedTuple):
     active: bool
     multiplier: float
     violation: float
+    excess: float
 
 
 class Start(NamedTuple):
@@ -113,9 +118,9 @@ class Optimum(Result):
         objective_name: the quantity; "residuals" with targets.
         maximised: whether the objective was made large.
         quantities: [SI] all quantities of the problem there, by name.
-        status: as in `Start`, of the best start.
+        status: as in `Start`, of the best start; "no feasible design" if none keeps all constraints.
         feasible: whether it keeps all constraints, to a hundred-thousandth of their spread; if not, it
-            breaks them least.
+            is no optimum but the nearest design, which breaks them least.
         stationarity: [-] largest slope of the Lagrangian over the range of a variable, in spreads of
             the objective over the sample, where no bound forbids to follow it.
         gradient: [SI] of the objective by variable, at the optimum.
@@ -123,7 +128,8 @@ class Optimum(Result):
         constraints: each side.
         starts: how each start ended.
         sample: what the optimum was compared with.
-        verdict: the comparison in words.
+        verdict: the comparison in words; of a design that is not feasible what it breaks, and by how
+            much.
         local: whether a sample is better than the optimum, which only starts that are given allow.
         evaluations: designs solved (each with its derivatives) in the descent; the sample's are beside.
     """
@@ -162,7 +168,8 @@ class Optimum(Result):
         """The quantities of this result in SI units; the table has the sample it was compared with."""
         problem, sample = self.problem, self.sample
         here, there = (np.array([*one.values()]) for one in (self.values, self.quantities))
-        yield from problem.columns(here, there, before="optimum.")
+        yield from problem.columns(here, there, before=f"{self.label.lower()}.")
+        yield Data("status", "", self.status)
         yield Data("stationarity", "", self.stationarity)
         yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
         yield Data("verdict", "", self.verdict)
@@ -202,6 +209,11 @@ class Optimum(Result):
         }
 
     @property
+    def label(self) -> str:
+        """Heading of the design: "Optimum", or "Nearest" where none keeps the constraints."""
+        return "Optimum" if self.feasible else "Nearest"
+
+    @property
     def agreeing(self) -> int:
         """How many starts ended at the optimum."""
         return sum(start.agrees for start in self.starts)
@@ -222,7 +234,7 @@ class Optimum(Result):
         crank = any(not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in asked)
         if problem.design.compressor is None or not crank:
             return None
-        designs = {"Present": problem.design, "Optimum": self.design}
+        designs = {"Present": problem.design, self.label: self.design}
         return compare(designs, problem.options.solver, throw=False)
 
 
@@ -245,7 +257,7 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
         objective_name=goal.name,
         maximised=goal.sign < 0,
         quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
-        status=best.status,
+        status=best.status if end.feasible or not end.ok else "no feasible design",
         feasible=end.feasible,
         stationarity=end.stationarity,
         gradient=dict(zip(names, gradient.tolist(), strict=True)),
@@ -283,7 +295,7 @@ def _compared(sample: Sample, end: Point) -> tuple[str, bool]:
     """The verdict, and whether a sample is better."""
     among = f"{len(sample.ok)} samples"
     if sample.best is None and not end.feasible:
-        return f"no start and none of {among} keeps all constraints", False
+        return _missed(end.goal.problem, _constrained(end)), False
     if sample.best is not None:
         value = float(sample.objective[sample.best])
         if not end.feasible:
@@ -297,6 +309,7 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
     out = []
     for number, limit in enumerate(end.goal.limits):
         over = float(end.limits.values[number])
+        scale = float(end.goal.scale[limit.place])
         broken = over if limit.side else abs(over)
         out.append(
             Constrained(
@@ -307,6 +320,18 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
                 active=limit.side == 0 or bool(end.multipliers[number] > 0),
                 multiplier=end.price(number),
                 violation=broken if broken > 10 * FEASIBLE else 0.0,
+                excess=broken * scale if broken > 10 * FEASIBLE else 0.0,
             )
         )
     return tuple(out)
+
+
+def _missed(problem: Problem, constraints: Sequence[Constrained]) -> str:
+    """Which constraints the nearest design breaks, and by how much."""
+    parts = []
+    for one in constraints:
+        if one.violation:
+            look = shown(one.name, problem.unit_of[one.name], [one.bound, one.value])
+            limit = f"{one.name} {_SIGNS[one.side]} {look.text(one.bound)}"
+            parts.append(f"{limit} by {look.difference(one.excess, 3).lstrip('+')}")
+    return f"no design found within the ranges keeps its limits: the nearest breaks {' and '.join(parts)}"

@@ -101,6 +101,49 @@ def test_tables_show_optimum_starts_and_evidence():
         assert word in text, word
 
 
+def test_no_design_that_keeps_its_limits_is_an_optimum(tmp_path):
+    # swept volumes from 1.7 to 4.3 litres: no periodic state is asked for
+    words = (
+        "mayekawa-wbhe",
+        "--variable",
+        "mechanism.bore=100mm:160mm",
+        "--objective",
+        "swept_volume",
+    )
+    words += ("--maximise", *SMALL, "--starts", "2", "--out", tmp_path)
+    shown = run(*words, "--constraint", "swept_volume<=500cm^3")
+    assert shown.exit_code == 3
+    low = float(load("mayekawa-wbhe").compressor.mechanism.swept_volume) * (100 / 130) ** 2
+    excess = f"by {1e6 * low - 500:.0f} cm"  # the smallest bore
+    first = shown.stdout.splitlines()[0]
+    assert "no design found within the ranges keeps its limits" in first
+    assert f"the nearest breaks swept_volume <= 500 cm³ {excess}" in first
+    assert "ptimum" not in shown.stdout
+    assert "the scene of the nearest design" in shown.stdout
+    result = read_json((tmp_path / "result.json").read_text())
+    assert not result["feasible"]
+    assert result["status"] == "no feasible design"
+    (limit,) = result["constraints"]
+    assert limit["excess"] == pytest.approx(low - 500e-6, rel=1e-9)
+    assert result["variables"][0]["value"] == pytest.approx(0.1, rel=1e-9)
+    source = load(tmp_path / "scene.toml").sources["mechanism.bore"]
+    assert "nearest to the limits" in source
+    assert excess in source
+
+
+def test_the_picture_of_a_nearest_design_has_no_star():
+    machine = load("mayekawa-wbhe")
+    asked = problem(machine, {"mechanism.bore": (0.1, 0.16)}, ["swept_volume"])
+    options = {"maximise": True, "samples": 8, "starts": 1}
+    for bound, word in ((5e-4, "nearest design"), (2e-3, "optimum")):
+        best = optimise(asked, constraints={"swept_volume": (None, bound)}, **options)
+        axes = best.plot.optimum_path().axes[0]
+        assert any(word in text.get_text() for text in axes.get_legend().get_texts())
+    assert best.feasible
+    # found although every start breaks the limit: on it
+    assert best.objective == pytest.approx(2e-3, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_front_of_two_objectives(tmp_path):
     out = tmp_path / "front"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from jaxcomp import load, solve_orbit
+from jaxcomp.desk import _state as state
 from jaxcomp.desk import serve
 from jaxcomp.desk._page import Page
 from jaxcomp.desk._serve import _is_fault
@@ -20,6 +21,9 @@ from jaxcomp.desk.interface import Desk
 from jaxcomp.scene import SceneError, loads
 
 BORE, PIN = "mechanism.bore", "friction.crank_pin.coefficient"
+PRESSURE, MOVED = "suction pressure", "0.1078 MPa"
+# How a search ends.
+FOUND = re.compile("converged|no better step|step limit")
 # Without what a browser looks for on the network by itself.
 CHROMIUM = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync")
 
@@ -156,7 +160,80 @@ def test_improve_stays_inside_its_ranges_and_is_better(desk):
     assert efficiency(desk) == before
 
 
+def check_is_what_is_shown(desk):
+    """Machine, saved file and results are those of the values that the desk shows."""
+    for name, one in desk.numbers.items():
+        again = one.moved(desk.machine, desk.values[name])
+        assert np.array_equal(np.asarray(one.at(again)), np.asarray(one.at(desk.machine)))
+    saved = Desk(loads(desk.toml()))
+    assert saved.values == pytest.approx(desk.values, rel=1e-14)
+    assert efficiency(saved) == pytest.approx(efficiency(desk), rel=1e-13)
+
+
+@pytest.fixture
+def search(monkeypatch):
+    """A search that ends at 125 mm, and whatever it is told to do before it does."""
+    meanwhile = []
+
+    def found(asked, callback=None, **_):
+        for call in meanwhile:
+            call()
+        values = {one.name: 0.125 for one in asked.variables}
+        return SimpleNamespace(values=values, objective=0.92, status="converged")
+
+    monkeypatch.setattr("jaxcomp.desk._state.optimise", found)
+    return meanwhile
+
+
+def test_what_is_moved_while_a_search_goes_on_is_kept(desk, search):
+    pressure = next(name for name in desk.numbers if name.endswith("suction_pressure"))
+    moved = desk.values[pressure] * 1.1
+    search.append(lambda: desk.move(pressure, moved))
+    search.append(lambda: desk.enter(BORE, "140 mm"))
+    words = desk.improve({BORE: (0.12, 0.14)})
+    assert desk.values[pressure] == moved
+    assert desk.values[BORE] == 0.125
+    assert f"{desk.label(pressure)}: as moved since" in words
+    assert f"{desk.label(BORE)}: as found" in words
+    check_is_what_is_shown(desk)
+    desk.undo()
+    assert desk.values[BORE] == 0.14
+    check_is_what_is_shown(desk)
+
+
+def test_what_is_undone_while_a_search_goes_on_stays_undone(desk, search):
+    desk.enter(PIN, "0.02")
+    before = efficiency(desk)
+    search.append(desk.undo)
+    desk.improve({BORE: (0.12, 0.14)})
+    assert desk.values[PIN] == desk.numbers[PIN].value
+    check_is_what_is_shown(desk)
+    desk.undo()
+    desk.undo()
+    assert efficiency(desk) != before
+
+
 # ---------------------------------------------------------------- the page
+
+
+def test_a_search_for_a_machine_that_was_put_away_changes_nothing(scene, search):
+    page = Page(scene)
+    text = page.desk.toml().encode()
+    search.append(lambda: page._load(SimpleNamespace(new=text, obj=SimpleNamespace(filename="m"))))
+    page._improve(None)
+    assert page.desk.values[BORE] == 0.13
+    assert not page.buttons["Improve"].loading
+
+
+def test_where_a_slider_is_let_go_counts(scene):
+    page = Page(scene)
+    page.sliders[BORE]._let_go(
+        SimpleNamespace(new=136.0)
+    )  # before the browser tells of its last place
+    assert page.desk.values[BORE] == pytest.approx(0.136, rel=1e-15)
+    assert rows_of(page).loc[BORE, "Value"] == "136 mm"
+    page.drag(BORE, 0.137)
+    assert rows_of(page).loc[BORE, "Value"] == "137 mm"
 
 
 def test_a_slider_moves_pictures_and_table(page):
@@ -521,11 +598,54 @@ def test_a_tab_that_is_closed_at_work_leaves_no_traceback(browser, address, capf
     tab.page.close()
     other = Tab(browser, address)
     other.press("Improve")
-    found = re.compile("converged|no better step|step limit")
-    other.wait(lambda: other.page.get_by_text(found).count() > 0, "an answer", seconds=180)
+    other.wait(lambda: other.page.get_by_text(FOUND).count() > 0, "an answer", seconds=180)
     other.page.close()
     assert "Traceback" not in capfd.readouterr().err + caplog.text
     assert not [one for one in caplog.records if one.levelname == "ERROR"]
+
+
+@pytest.mark.slow  # a browser
+def test_numbers_typed_and_undone_while_a_search_goes_on_in_a_browser(
+    browser, address, tmp_path, monkeypatch
+):
+    """Whatever the page shows is what it saves: two tabs, a search in both, a change in one."""
+    searching, go = threading.Semaphore(0), threading.Event()
+    real = state.optimise
+
+    def waiting(*asked, **options):
+        searching.release()
+        assert go.wait(120)
+        return real(*asked, **options)
+
+    monkeypatch.setattr(state, "optimise", waiting)
+    tabs = Tab(browser, address), Tab(browser, address)
+    tab, other = tabs
+    for one in tabs:
+        one.wait(lambda one=one: one.page.locator(".ranges .noUi-handle").count() > 3, "sliders")
+        one.page.get_by_placeholder("filter").press_sequentially(PRESSURE)
+        one.wait(lambda one=one: len(one.rows()) == 1, "the pressure alone")
+        one.press("Improve")
+        assert searching.acquire(timeout=60)
+    tab.type(PRESSURE, "107.8 kPa")
+    tab.wait(lambda: tab.value(PRESSURE) == MOVED, "what was typed")
+    go.set()
+    for one in tabs:
+        one.wait(lambda one=one: one.page.get_by_text(FOUND).count() > 0, "an answer", seconds=180)
+    for one, text, shown in ((tab, MOVED, 107_800.0), (other, "98 kPa", 98_000.0)):
+        assert one.value(PRESSURE) == text
+        machine = one.saved(tmp_path / "saved.toml").compressor
+        assert float(machine.gas.suction_pressure) == pytest.approx(shown, rel=1e-12)
+        shown = float(re.search(r"([\d.]+) %", one.result())[1]) / 100
+        # to the digits that the page shows
+        assert float(solve_orbit(machine).mechanical_efficiency) == pytest.approx(shown, abs=1e-6)
+    assert tab.page.get_by_text("as moved since").count() == 1
+    assert other.page.get_by_text("as moved since").count() == 0
+    tab.press("Undo")
+    tab.wait(lambda: tab.page.get_by_text("as moved since").count() == 0, "the state before")
+    assert tab.value(PRESSURE) == MOVED
+    assert float(tab.saved(tmp_path / "saved.toml").compressor.mechanism.bore) == 0.13
+    for one in tabs:
+        one.page.close()
 
 
 @pytest.mark.slow  # a browser
