@@ -130,7 +130,7 @@ def map_tables(found, name: str):
     ]
     errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
     worst = (", ".join(f"{t - ZERO:.4g}" for t in at) for at in found.worst_point.values())
-    rows += [(), ("", "largest error", *errors), ("", "at S, D", *worst)]
+    rows += [(), ("", "largest error, of the point", *errors), ("", "at S, D", *worst)]
     labels = (f"{one}, {units[one]}" for one in found.coefficients)
     title = "Polynomial of AHRI 540, S evaporating and D condensing in °C"
     yield row_table(title, ("", "Term", *labels), rows, texts=2)

@@ -10,7 +10,7 @@ from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..fluid import RealGas
 from ..study.interface import MEASURED, terms_of
-from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap
+from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap, polynomial_errors
 from ._scene import Scene
 from .map_formats import energyplus_text, tespy_text
 
@@ -85,7 +85,7 @@ def polynomial_text(
     for name, values in given.items():
         value = np.concatenate(values)
         rows[name] = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
-        error = np.abs(terms @ rows[name] / value - 1)
+        error = polynomial_errors(terms, rows[name], value)
         worst = int(error.argmax())
         at = f"{S[worst] - ZERO:.4g}/{D[worst] - ZERO:.4g} C"
         told[f"largest error of {name}"] = f"{error[worst]:.2%} at {at}"

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..fluid import RealGas
-from ..study.rating import ZERO, RatingMap, capacity_rise, polynomial_terms
+from ..study.rating import ZERO, RatingMap, capacity_rise, polynomial_errors, polynomial_terms
 from ._text import SceneError, reading
 
 # Places of EnergyPlus' terms in the order of AHRI 540.
@@ -145,7 +145,7 @@ def tespy_text(
     terms = polynomial_terms(S, D)
     rows = {key: np.linalg.lstsq(terms, value, rcond=None)[0] for key, value in values.items()}
     errors = {
-        f"largest error of {key}": float(np.abs(terms @ rows[key] / value - 1).max())
+        f"largest error of {key}": float(polynomial_errors(terms, rows[key], value).max())
         for key, value in values.items()
     }
     state = {"swept_volume": swept_volume, "frequency_poly": speed}

@@ -91,7 +91,7 @@ class RatingMap(Result, eqx.Module):
         values: (n, m) by name as in `QUANTITIES`, in SI units; not a number where a point failed.
         ok: (n, m) whether a point converged and delivers dry gas.
         coefficients: (10,) of the polynomial in degrees Celsius, by name; empty where points are too few.
-        fit_error: [-] largest error of the polynomial over the largest value.
+        fit_error: [-] largest error of the polynomial relative to the value of the point, by name.
         rating: key of `RATINGS`.
     """
 
@@ -142,10 +142,11 @@ class RatingMap(Result, eqx.Module):
 
     @property
     def worst_point(self) -> dict[str, tuple[float, float]]:
-        """[K] Evaporating and condensing temperature where each polynomial is furthest from the value."""
+        """[K] Evaporating and condensing temperature where each polynomial has its `fit_error`."""
         found = {}
         for name, errors in self.polynomial_error.items():
-            row, column = np.unravel_index(np.nanargmax(np.abs(errors)), errors.shape)
+            relative = np.abs(errors / self.values[name])
+            row, column = np.unravel_index(np.nanargmax(relative), errors.shape)
             found[name] = float(self.evaporating[row]), float(self.condensing[column])
         return found
 
@@ -238,7 +239,7 @@ def rating_map(
             given = values[name][ok]
             row, *_ = np.linalg.lstsq(terms, given, rcond=None)
             coefficients[name] = jnp.asarray(row)
-            errors[name] = jnp.asarray(np.abs(terms @ row - given).max() / np.abs(given).max())
+            errors[name] = jnp.asarray(polynomial_errors(terms, row, given).max())
     arrays = {name: jnp.asarray(one) for name, one in values.items()}
     return RatingMap(S, D, arrays, jnp.asarray(ok), coefficients, errors, rating)
 
@@ -253,6 +254,17 @@ def polynomial_terms(evaporating, condensing) -> np.ndarray:
     s, d = np.broadcast_arrays(np.asarray(evaporating) - ZERO, np.asarray(condensing) - ZERO)
     terms = (1 + 0 * s, s, d, s**2, s * d, d**2, s**3, d * s**2, s * d**2, d**3)
     return np.stack(terms, axis=-1)
+
+
+def polynomial_errors(terms, row, values) -> Float[np.ndarray, " points"]:
+    """[-] How far a polynomial is from the value of each point, relative to that value.
+
+    Args:
+        terms: (points, coefficients)
+        row: (coefficients,)
+        values: (points,)
+    """
+    return np.abs(terms @ row / values - 1)
 
 
 class RatingPoint(NamedTuple):

@@ -218,9 +218,30 @@ def test_a_map_is_its_points_and_its_polynomial():
         np.testing.assert_allclose(found.values["capacity"][place], cycle.capacity, rtol=3e-5)
     terms = polynomial_terms(evaporating[:, None], condensing)
     fitted = terms @ found.coefficients["capacity"]
-    error = np.abs(fitted - found.values["capacity"]).max() / found.values["capacity"].max()
+    error = np.abs(fitted / found.values["capacity"] - 1).max()
     np.testing.assert_allclose(error, found.fit_error["capacity"], rtol=1e-6)
     assert error < 5e-3
+
+
+def test_the_terminal_and_the_file_of_coefficients_state_one_error(tmp_path, monkeypatch):
+    """Of a capacity that falls to a third over the map: the largest error is at a small one."""
+
+    def points(compressor, rating, options, solver, evaporating, condensing):
+        values = 900.0 * np.exp(0.055 * (evaporating - 263.15)) + 1e-3 * condensing
+        values = values * (1 + 4e-3 * np.cos(evaporating))
+        return {name: values for name, *_ in QUANTITIES}, np.ones(values.shape, bool)
+
+    monkeypatch.setattr("jaxcomp.study.rating._along", points)
+    given = ["map", "r134a-7cc", "--evaporating=-30:-10:5", "--condensing=40:55:4"]
+    shown = CliRunner().invoke(app, [*given, "--out", str(tmp_path)])
+    assert shown.exit_code == 0, shown.stderr
+    head = (tmp_path / "coefficients.csv").read_text()
+    stated = re.search(r"largest error of capacity = ([\d.]+)% at (\S+)/(\S+) C", head)
+    printed = re.search(r"largest error, of the point +([\d.]+) %", shown.stdout)
+    assert float(stated[1]) == pytest.approx(float(printed[1]), abs=0.051)  # of the last digit
+    assert f"at S, D   {stated[2]}, {stated[3]}" in re.sub(" {3,}", "   ", shown.stdout)
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert float(stated[1]) == pytest.approx(100 * result["fit_error"]["capacity"], abs=0.0051)
 
 
 def test_a_map_tells_the_error_of_its_polynomial_at_every_point(tmp_path, monkeypatch):
