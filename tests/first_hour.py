@@ -53,6 +53,14 @@ class Command(NamedTuple):
     names: tuple[str, ...]
 
 
+class Readings(NamedTuple):
+    """A file of measurements that a command is given, and what the answer must name."""
+
+    text: str
+    words: tuple[str, ...]
+    names: tuple[str, ...]
+
+
 class Call(NamedTuple):
     """A call from Python with a scene, and what the exception must name."""
 
@@ -68,10 +76,29 @@ def _cli(line: str, *names: str) -> Command:
     return Command(tuple(line.split()), names)
 
 
+def _map(line: str, *names: str, head: str = "", point: str = "") -> Readings:
+    """Points of a map of a machine of R22, with a line in front of them."""
+    text = f"{line}\n{head or MAP_HEAD}\n{point or MAP_POINT}\n"
+    words = f"identify {R22} --data readings.csv --vary mechanism.bore=40mm:80mm"
+    return Readings(text, tuple(words.split()), names)
+
+
+def _readings(text: str, *names: str, line: str = "") -> Readings:
+    """Readings of another kind."""
+    words = line or f"identify {R22} --data readings.csv --vary mechanism.bore=40mm:80mm"
+    return Readings(text, tuple(words.split()), names)
+
+
 def _py(call: Callable[[Any], Any], *names: str) -> Call:
     return Call(call, names)
 
 
+R22 = "semi-hermetic-200cc"
+MAP_HEAD = (
+    "evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]"
+)
+MAP_POINT = "-15,30,18.3,0,8926,3099"
+RUNS_HEAD = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 BORE = 'bore = "50 mm"'
 FLUID = 'name = "R290"'
 R290 = "refrigeration"
@@ -322,6 +349,54 @@ COMMANDS = {
     "unknown study": _cli(f"accuracy {WBHE} --study everything", "everything", "quantities"),
 }
 
+BALANCE = "balance --measured readings.csv"
+READINGS = {
+    "misspelt setting": _map("# sped = 900 rpm", "sped", '"speed"'),
+    "setting of another kind of file": _map(
+        "# motor.mean_speed = 900 rpm", "motor.mean_speed", '"speed"'
+    ),
+    "setting without a number": _map("# speed = about 900 rpm", "speed", "about", "1450 rpm"),
+    "setting without a unit": _map("# speed = 900", "speed", "900", "unit", "1450 rpm"),
+    "another fluid": _map("# Fluid = R134a", "fluid", "R134a", "R22"),
+    "refrigerant for fluid": _map("# refrigerant = R22", "refrigerant", '"fluid"'),
+    "ratings for rating": _map("# ratings = ashrae", "ratings", '"rating"'),
+    "rating beside its columns": _map("# rating = ashrae", "return_gas", "column"),
+    "heads of one's own": _map(
+        "", "te, tc, Q, P", "evaporating [degC]", head="te,tc,Q,P", point="-5,30,1,2"
+    ),
+    "thousands with a comma": _map(
+        "",
+        "8,926",
+        "18.3",
+        "decimal",
+        head=MAP_HEAD.replace(",", ";"),
+        point=MAP_POINT.replace(",", ";").replace("8926", "8,926"),
+    ),
+    "formula that failed": _map("", "line 3.evaporating", "#N/A", point="#N/A,30,18,0,8926,3099"),
+    "capacity below zero": _map(
+        "", "capacity", "-8926", "above 0", point=MAP_POINT.replace("8926", "-8926")
+    ),
+    "subcooling of 500 K": _map(
+        "", "liquid", "at least", point=MAP_POINT.replace("18.3,0", "18.3,500")
+    ),
+    "return gas of 5000 degC": _map(
+        "", "gas", "5000", "at most", point=MAP_POINT.replace("18.3", "5000")
+    ),
+    "condition in a column and above it": _readings(
+        "# motor.mean_speed = 1500 rpm\nmotor.mean_speed [rpm],motor_power [kW]\n1400,2\n",
+        "motor.mean_speed",
+        "column",
+        "above",
+    ),
+    "trace of zeros": _readings("crank_angle [deg],pressure [bar]\n0,0\n9,0\n", "sd(pressure)"),
+    "runs without the first": _readings(
+        f"{RUNS_HEAD}\nplane-1,A,1490,7,238,3,0\n", "initial", "plane-1", line=BALANCE
+    ),
+    "first run by another name": _readings(
+        f"{RUNS_HEAD}\nas is,A,1490,7,238,,\n", "line 2.trial", '"initial"', line=BALANCE
+    ),
+}
+
 CALLS = {
     "name of a file": _py(lambda s: jc.solve_orbit("my.toml"), '`jaxcomp.load("my.toml")`'),
     "no machine": _py(lambda s: jc.solve_orbit(None), "`jaxcomp.load("),
@@ -428,9 +503,10 @@ CALLS = {
     ),
 }
 
-MISTAKES: dict[str, File | Command | Call] = {
+MISTAKES: dict[str, File | Command | Readings | Call] = {
     **{f"file: {name}": one for name, one in FILES.items()},
     **{f"command: {name}": one for name, one in COMMANDS.items()},
+    **{f"readings: {name}": one for name, one in READINGS.items()},
     **{f"Python: {name}": one for name, one in CALLS.items()},
 }
 
@@ -535,11 +611,13 @@ def prepare(folder: Path) -> None:
     (folder / "bare.csv").write_text("run,target,speed,amplitude,phase\ninitial,A,1500,25.6,8.9\n")
 
 
-def answer(mistake: File | Command | Call) -> tuple[str, str]:
+def answer(mistake: File | Command | Readings | Call) -> tuple[str, str]:
     """What one sees, and what is wrong with it; run in a prepared folder."""
     if isinstance(mistake, Call):
         return _raised(mistake)
     words, refused = getattr(mistake, "words", ()), True
+    if isinstance(mistake, Readings):
+        Path("readings.csv").write_text(mistake.text)
     if isinstance(mistake, File):
         text = start(mistake.kind, "my-machine")
         bare = re.sub(r"(?<=\S) +# .*", "", text)  # as without the remarks behind values
@@ -575,7 +653,7 @@ def _lacking(seen: str, names: tuple[str, ...]) -> str:
 
 
 def answers(
-    mistakes: dict[str, File | Command | Call],
+    mistakes: dict[str, File | Command | Readings | Call],
 ) -> Iterator[tuple[str, str, str, float]]:
     """Name, answer, what is wrong with it and seconds of each mistake, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder), warnings.catch_warnings():

@@ -3,6 +3,9 @@
 import os
 from typing import Any
 
+_LONGEST = 300  # characters of a value in a message
+_MOST_ENTRIES = 12  # of an array that a message prints as a whole
+
 
 class BadInput(ValueError):
     """A value that the machine cannot have.
@@ -46,8 +49,12 @@ def value_text(value: Any) -> str:
     if value is None:
         return "absent"
     if isinstance(value, str):
-        return value or "empty"
+        whole = value or "empty"
+        return whole if len(whole) <= _LONGEST else f"{whole[: _LONGEST - 3]}..."
     import numpy as np  # not before it is needed: the command line complains without it
 
     value = np.asarray(value)
-    return f"{value.item():.6g}" if value.ndim == 0 else np.array2string(value, precision=6)
+    if value.ndim == 0:
+        return f"{value.item():.6g}"
+    text = np.array2string(value, precision=6, threshold=_MOST_ENTRIES, edgeitems=3)
+    return text if value.size <= _MOST_ENTRIES else f"{text}, {value.size} values"

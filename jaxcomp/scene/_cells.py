@@ -1,6 +1,4 @@
-"""Lines and cells of CSV files, beside a scene or alone.
-
-A section takes lists of numbers from a CSV file beside its own by the key `csv`:
+"""Lists of numbers of a machine file from CSV files beside it, by the key `csv` of a section.
 
     [gas]
     type = "crank_angle_table"
@@ -10,79 +8,16 @@ A section takes lists of numbers from a CSV file beside its own by the key `csv`
 where indicator.csv begins with `angle [deg],cylinder_pressure [bar]`.
 """
 
-import csv
-import io
-import math
-import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from .._core.files import regular
-from ._text import LARGEST, SceneError, reading
+from ._settings import settings_of
+from ._table_text import cell_number, read_table_text
+from ._text import SceneError, reading
 
 KEY = "csv"
-_DECIMAL_COMMA = re.compile(r"^\s*([-+]?\d*),(\d+)\s*$")
-_COLUMN = re.compile(r"\s*(\w+)\s*(?:\[(.*)\])?\s*")
-
-
-def read_cells(path: str | os.PathLike) -> list[list[str]]:
-    """The lines of a CSV file that are not empty; with semicolons it may have decimal commas.
-
-    Raises:
-        SceneError: a file that cannot be read, is too large or no text. It names the file.
-    """
-    with reading(os.fspath(path)):
-        with open(regular(path), encoding="utf-8-sig") as file:  # line ends of any kind
-            text = file.read(LARGEST + 1)
-        if len(text) > LARGEST:
-            raise SceneError("", f"is larger than {LARGEST / 1e6:.0f} MB")
-        try:
-            return [cells for cells in _cells(text) if any(cell.strip() for cell in cells)]
-        except csv.Error as error:
-            raise SceneError("", f"is no table: {error}") from None
-
-
-def header_cell(text: str) -> tuple[str, str] | None:
-    """Name and unit of a column, the unit empty where it has none; `None` for anything else."""
-    match = _COLUMN.fullmatch(text)
-    return (match[1], (match[2] or "").strip()) if match else None
-
-
-def lines_of(lines: list[list[str]], count: int) -> Iterator[tuple[int, list[str]]]:
-    """Lines of a table below its heads, with their numbers in the file.
-
-    Raises:
-        SceneError: a line of another number of cells than heads.
-    """
-    for number, line in enumerate(lines, 2):
-        if len(line) != count:
-            raise SceneError(f"line {number}", f"must have {count} cells", len(line))
-        yield number, line
-
-
-def cell_number(text: str, key: str, empty: float | None = None) -> float:
-    """The finite number in a cell.
-
-    Args:
-        text: of the cell.
-        key: its place, for the message.
-        empty: what an empty cell stands for; absent: it must not be empty.
-
-    Raises:
-        SceneError: no number, or one that is not finite.
-    """
-    if empty is not None and not text.strip():
-        return empty
-    try:
-        value = float(text)
-    except ValueError:
-        problem = "must be a number" if empty is None else "must be a number, or empty"
-        raise SceneError(key, problem, text) from None
-    if not math.isfinite(value):
-        raise SceneError(key, "must be finite", value)
-    return value
+_KEY_OF_COLUMN = re.compile(r"\w+")
 
 
 def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
@@ -124,30 +59,19 @@ def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
 
 
 def _columns(file: Path) -> dict[str, dict[str, Any]]:
-    lines, columns = read_cells(file), {}
+    """Columns of a file as entries of a machine file."""
+    table = read_table_text(file)
     with reading(str(file)):
-        if len(lines) < 2:
+        if not table.rows:
             raise SceneError("", "needs a header and lines of numbers")
-        for place, text in enumerate(lines[0]):
-            name, unit = header_cell(text) or ("", "")
-            if not name or name in columns:
-                raise SceneError(text.strip(), "must be a name with its unit, as angle [deg], once")
-            values = [_number(line, place, n, name) for n, line in enumerate(lines[1:], 2)]
-            columns[name] = {"value": values} | ({"unit": unit} if unit else {})
-            columns[name]["source"] = f"read from {file.name}"
-    return columns
-
-
-def _number(line: list[str], place: int, number: int, name: str) -> float:
-    try:
-        return float(line[place])
-    except (ValueError, IndexError):
-        given = line[place] if place < len(line) else ""
-        raise SceneError(f"line {number}.{name}", "must be a number", given) from None
-
-
-def _cells(text: str) -> Iterator[list[str]]:
-    if ";" not in text.partition("\n")[0]:
-        return csv.reader(io.StringIO(text))
-    table = csv.reader(io.StringIO(text), delimiter=";")
-    return ([_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells] for cells in table)
+        settings_of(table.settings)
+        columns = {}
+        for place, (name, unit) in enumerate(table.heads):
+            if not _KEY_OF_COLUMN.fullmatch(name) or name in columns:
+                raise SceneError(name, "must be a name with its unit, as angle [deg], once")
+            values = [
+                cell_number(row.cells[place], f"line {row.number}.{name}") for row in table.rows
+            ]
+            entry = {"value": values, "source": f"read from {file.name}"}
+            columns[name] = entry | ({"unit": unit} if unit else {})
+        return columns

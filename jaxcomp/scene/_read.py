@@ -22,7 +22,7 @@ from ._schema import (
     kind_of,
     option_value,
 )
-from ._text import SceneError
+from ._text import SceneError, short_value
 from ._units import to_si
 
 # Keys of a section that are no fields of its part.
@@ -237,11 +237,17 @@ def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names
         words = [name for name in given if name in error.bound and name in table]
-        shown = ", ".join(f"{name} = {unwrapped(table[name], path)[0]}" for name in words)
+        shown = ", ".join(f"{name} = {_as_given(table[name], path)}" for name in words)
         but = f", but has {shown}" if shown else ""
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
+
+
+def _as_given(entry: Any, path: str) -> str:
+    """Value of an entry as the file has it, without the middle of a list."""
+    value = unwrapped(entry, path)[0]
+    return value if isinstance(value, str) else short_value(value)
 
 
 def _given_at(table: Any, path: str, value: Any) -> Any:

@@ -16,6 +16,7 @@ NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 LARGEST = 4_000_000
 _DEEPEST = 20
 _LONGEST = 1000  # characters of a text
+_LONGEST_PROBLEM = 1500  # characters of a complaint, which never prints a whole table
 
 _LINE = re.compile(r"line (\d+)")
 _TITLE = re.compile(r"\s*\[+\s*([^\[\]]+?)\s*\]+\s*(?:#.*)?")
@@ -48,8 +49,9 @@ class SceneError(ValueError):
     ):
         self.key, self.problem, self.value, self.file = key, problem, value, file
         self.others = tuple(others)
-        key = key if len(key) <= 200 else key[:197] + "..."
-        entry = key if value is None else f"{key} = {_short(value)}"
+        key = cut(key, 200)
+        problem = cut(problem, _LONGEST_PROBLEM)
+        entry = key if value is None else f"{key} = {short_value(value)}"
         super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
 
     def in_file(self, file: str) -> "SceneError":
@@ -73,20 +75,24 @@ def reading(file: str) -> Iterator[None]:
         raise SceneError("", "is no text in UTF-8", file=file) from None
 
 
+def cut(text: str, most: int) -> str:
+    """A text of at most so many characters, with dots for what is left out."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def visible(text: str) -> str:
     """A text with escape sequences spelt out, so that they do nothing to a terminal."""
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
-def _short(value: Any) -> str:
+def short_value(value: Any) -> str:
     if isinstance(value, str):
         text = f'"{value[:100]}"'
     elif isinstance(value, int) and abs(value) > 10**60:  # Python writes no more than some digits
         text = f"a whole number of {value.bit_length()} bits"
     else:
         text = str(value)
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else text[:57] + "..."
+    return cut(" ".join(text.split()), 60)
 
 
 def toml_tables(data: bytes | str, file: str = "") -> dict[str, Any]:

@@ -9,20 +9,40 @@ at the pole, turned to be real, the shape. The slope of the right side stands fo
 velocities or accelerations in the place of displacements. Modes whose peaks touch are none of its kind.
 """
 
+import contextlib
+import io
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks, peak_prominences
 
+from .._core.files import regular
 from ..study import ModalTest
 from ._text import SceneError
 
 _AXES = {1: "ux", 2: "uy", 3: "uz"}
+_SHAPES, _FUNCTIONS = 55, 58  # data sets
+# Kinds of analysis in data set 55: normal modes have a frequency, complex ones an eigenvalue.
+_NORMAL, _COMPLEX = (2,), (3, 7)
 _RESPONSE = 4  # function type of data set 58
+# Other functions that analysers write beside responses, for notes.
+_FUNCTION_NAMES = {
+    0: "of unknown kind", 1: "time signals", 2: "auto spectra", 3: "cross spectra",
+    6: "coherences", 9: "power spectra", 10: "energy spectra", 12: "spectra",
+}  # fmt: skip
+_DELIMITER = re.compile(rb"^ {4}-1\s*$", re.MULTILINE)
+_LARGEST = 200_000_000  # bytes
 # A peak stands above its surroundings by this share of itself, above this share of the highest, and above
 # so many times the noise, which is what the second differences of the responses show.
 _STANDS_OUT, _HEIGHT, _NOISE = 0.5, 1e-3, 8.0
 # Points of a peak are those above this share of its amplitude; so many are needed.
 _NEAR, _LEAST = 0.5, 4
+
+DataSet = Mapping[str, Any]
 
 
 def read_universal(path, name: str) -> ModalTest:
@@ -33,83 +53,191 @@ def read_universal(path, name: str) -> ModalTest:
         name: of the source.
 
     Raises:
-        SceneError: no pyuff, or a file that it cannot read, without modes and responses, or with
-            responses that do not belong together.
+        SceneError: no pyuff, or a file that it cannot read, that is cut, without modes and responses, or
+            with responses that do not belong together.
+    """
+    sets, others = _data_sets(path)
+    modes = [data for data in sets if _is_mode(data)]
+    if modes:
+        return _test_of_modes(modes, name)
+    functions = [data for data in sets if data["type"] == _FUNCTIONS]
+    if functions:
+        return _test_of_responses(functions, name)
+    numbers = sorted({int(data["type"]) for data in sets} | others)
+    listed = ", ".join(map(str, numbers)) or "nothing"
+    bound = (
+        "has no normal modes (data set 55 of analysis type 2, 3 or 7) and no responses (58), but"
+    )
+    raise SceneError("", f"{bound} {listed}")
+
+
+def _data_sets(path) -> tuple[list[DataSet], set[int]]:
+    """Data sets of shapes and functions, and the numbers of the other ones, which are not read.
+
+    Groups, meshes and headers of other programs are left to these: pyuff prints while it reads some.
     """
     try:
         import pyuff
     except ImportError:
         raise SceneError("", 'needs pyuff: pip install "jaxcomp[modal]"') from None
+    with open(regular(path), "rb") as file:
+        content = file.read(_LARGEST + 1)
+    if len(content) > _LARGEST:
+        raise SceneError("", f"is larger than {_LARGEST / 1e6:.0f} MB")
+    if len(_DELIMITER.findall(content)) % 2:
+        raise SceneError("", "ends within a data set: the file is cut; copy it as a whole")
     try:
-        sets = pyuff.UFF(str(path)).read_sets()
+        with contextlib.redirect_stdout(io.StringIO()):
+            file = pyuff.UFF(str(path))
+            types = [int(number) for number in file.get_set_types()]
+            wanted = [n for n, number in enumerate(types) if number in (_SHAPES, _FUNCTIONS)]
+            sets = file.read_sets(wanted) if wanted else []
     except Exception as error:  # pyuff has no class of its own for what it cannot read
         raise SceneError("", f"cannot be read as a universal file ({error})") from None
     sets = sets if isinstance(sets, list) else [sets]
-    modes = [one for one in sets if one["type"] == 55 and one["analysis_type"] == 2]
-    if modes:
-        return _of_modes(modes, name)
-    functions = [one for one in sets if one["type"] == 58]
-    if functions:
-        return _of_responses(functions, name)
-    found = ", ".join(str(one) for one in sorted({one["type"] for one in sets})) or "nothing"
-    bound = "has no normal modes (data set 55 of analysis type 2) and no responses (58), but"
-    raise SceneError("", f"{bound} {found}")
+    for number, data in zip(wanted, sets, strict=True):
+        _check_whole(data, number + 1)
+    return sets, {number for number in types if number not in (_SHAPES, _FUNCTIONS)}
 
 
-def _of_modes(modes, name: str) -> ModalTest:
-    modes = sorted(modes, key=lambda one: one["freq"])
-    nodes = sorted({int(node) for one in modes for node in one["node_nums"]})
+def _check_whole(data: DataSet, number: int) -> None:
+    """Refuse a data set with less, or other, numbers than it announces.
+
+    Raises:
+        SceneError: it has.
+    """
+    where = f"data set {number}"
+    if data["type"] == _SHAPES:
+        values = [data[f"r{k}"] for k in _AXES if f"r{k}" in data]
+        wrong = any(np.size(column) != np.size(data["node_nums"]) for column in values)
+        if wrong or not np.size(data["node_nums"]):
+            raise SceneError(where, "must have three or six values for each of its nodes")
+    else:
+        values = [data["x"], data["data"]]
+        wanted = data["num_pts"]
+        if any(np.size(column) != wanted for column in values):
+            raise SceneError(
+                where, f"must have {wanted} points, as its head says", np.size(values[1])
+            )
+    if not all(np.isfinite(column).all() for column in values):
+        raise SceneError(where, "has numbers that are not finite")
+
+
+def _is_mode(data: DataSet) -> bool:
+    return data["type"] == _SHAPES and data["analysis_type"] in (*_NORMAL, *_COMPLEX)
+
+
+def _hertz(mode: DataSet) -> float:
+    """[Hz] Natural frequency, of a complex mode that without damping."""
+    if mode["analysis_type"] in _NORMAL:
+        return float(mode["freq"])
+    return float(np.abs(mode["eig"]) / (2 * np.pi))
+
+
+def _test_of_modes(modes: Sequence[DataSet], name: str) -> ModalTest:
+    modes = sorted(modes, key=_hertz)
+    nodes = sorted({int(node) for mode in modes for node in mode["node_nums"]})
     pairs = [(node, axis) for node in nodes for axis in _AXES.values()]
-    shape = np.full((len(modes), len(pairs)), np.nan)
-    for row, one in enumerate(modes):
-        for n, node in enumerate(one["node_nums"]):
-            for k, axis in _AXES.items():
-                values = one.get(f"r{k}")
-                if values is not None:
-                    shape[row, pairs.index((int(node), axis))] = np.real(values[n])
-    return _test(name, np.array([one["freq"] for one in modes]), pairs, shape)
+    places = {pair: n for n, pair in enumerate(pairs)}
+    shape = np.full((len(modes), len(pairs)), np.nan, complex)
+    for row, mode in enumerate(modes):
+        for k, axis in _AXES.items():
+            for node, value in zip(mode["node_nums"], mode.get(f"r{k}", ()), strict=False):
+                shape[row, places[int(node), axis]] = value
+    # Files have three values for each node. An axis with zeros alone is one that nobody measured.
+    size = np.nan_to_num(np.abs(shape)).max(axis=0)
+    moving = {axis for (_, axis), most in zip(pairs, size.tolist(), strict=True) if most > 0}
+    measured = np.array([axis in moving for _, axis in pairs])
+    pairs = [pair for pair in pairs if pair[1] in moving]
+    hertz = np.array([_hertz(mode) for mode in modes])
+    return _test(name, hertz, pairs, _real_shapes(shape[:, measured]))
 
 
-def _test(name: str, hertz: NDArray, pairs, shape: NDArray) -> ModalTest:
+def _real_shapes(shapes: NDArray) -> NDArray:
+    """Shapes turned so that their largest component is real, of which the real part is taken."""
+    if not shapes.size:
+        return np.real(shapes)
+    rows = np.arange(len(shapes))
+    largest = shapes[rows, np.nan_to_num(np.abs(shapes)).argmax(axis=1)]
+    turn = np.where(np.abs(largest) > 0, np.abs(largest) / np.where(largest == 0, 1, largest), 1)
+    # signs of real shapes stay as they are
+    turn = np.where(np.imag(largest) == 0, 1, turn)
+    return np.real(shapes * turn[:, None])
+
+
+def _test(name: str, hertz: NDArray, pairs, shape: NDArray, skipped: Sequence[str] = ()):
     if not (hertz > 0).all():
         raise SceneError("frequency", "must be above 0", float(hertz.min()))
-    moving = np.nan_to_num(np.abs(shape)).max(axis=0) > 0
-    kept = [pair for pair, moves in zip(pairs, moving, strict=True) if moves]
-    nodes, axes = zip(*kept, strict=True) if kept else ((), ())
-    numbers = tuple(range(1, hertz.size + 1))
-    return ModalTest(name, 2 * np.pi * hertz, numbers, True, nodes, axes, shape[:, moving])
+    nodes, axes = zip(*pairs, strict=True) if pairs else ((), ())
+    return ModalTest(
+        source=name,
+        frequency=2 * np.pi * hertz,
+        modes=tuple(range(1, hertz.size + 1)),
+        free=True,
+        nodes=nodes,
+        axes=axes,
+        shape=shape,
+        skipped=tuple(skipped),
+    )
 
 
-def _of_responses(functions, name: str) -> ModalTest:
-    kinds = sorted({int(one["func_type"]) for one in functions})
-    if kinds != [_RESPONSE]:
-        found = ", ".join(map(str, kinds))
-        raise SceneError("", f"has functions of type {found}, where 4, a response, is read alone")
-    where = {
-        key: [(int(one[f"{key}_node"]), int(one[f"{key}_dir"])) for one in functions]
-        for key in ("rsp", "ref")
-    }
-    # a hammer that roves, or sensors that do: by reciprocity the same
-    roving = "rsp" if len(set(where["ref"])) == 1 else "ref"
-    if len(set(where["rsp"])) > 1 and len(set(where["ref"])) > 1:
+def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
+    responses = [data for data in functions if data["func_type"] == _RESPONSE]
+    others = Counter(int(data["func_type"]) for data in functions if data["func_type"] != _RESPONSE)
+    if not responses:
+        listed = ", ".join(map(str, sorted(others)))
+        raise SceneError("", f"has functions of type {listed}, where 4, a response, is read alone")
+    places = _roving_places(responses)
+    hertz = _common_frequencies(responses)
+    # against the axis counts as negative along it
+    signs = np.array([np.sign(direction) for _, direction in places])
+    values = np.stack([np.asarray(data["data"], complex) for data in responses]) * signs[:, None]
+    frequencies, shapes = modes_of_responses(hertz, values)
+    pairs = [(node, _AXES[abs(direction)]) for node, direction in places]
+    skipped = [
+        f"{name}: {count} {_FUNCTION_NAMES.get(kind, 'functions')} (type {kind}) are not read"
+        for kind, count in sorted(others.items())
+    ]
+    return _test(name, frequencies, pairs, shapes, skipped)
+
+
+def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
+    """Node and direction of every response: of a hammer that roves, or of sensors that do.
+
+    Raises:
+        SceneError: both rove, a place that is there twice, or a direction other than along an axis.
+    """
+    sensors, hammers = (
+        [(int(data[f"{end}_node"]), int(data[f"{end}_dir"])) for data in responses]
+        for end in ("rsp", "ref")
+    )
+    # by reciprocity the same
+    places = sensors if len(set(hammers)) == 1 else hammers
+    if len(set(sensors)) > 1 and len(set(hammers)) > 1:
         bound = "must have the same response or the same reference in all functions"
         raise SceneError("", bound)
-    places = where[roving]
-    if twice := next((one for one in places if places.count(one) > 1), None):
+    twice = next((place for place, count in Counter(places).items() if count > 1), None)
+    if twice is not None:
         raise SceneError("", f"has node {twice[0]}, direction {twice[1]} twice; give means")
-    if wrong := next((k for _, k in places if abs(k) not in _AXES), None):
-        raise SceneError("", f"has direction {wrong}, where 1, 2 and 3 are read")
-    hertz = np.asarray(functions[0]["x"], float)
-    for one in functions:
-        if np.shape(one["x"]) != hertz.shape or not np.allclose(one["x"], hertz, rtol=1e-9):
+    for _, direction in places:
+        if abs(direction) not in _AXES:
+            raise SceneError("", f"has direction {direction}, where 1, 2 and 3 are read")
+    return places
+
+
+def _common_frequencies(responses: Sequence[DataSet]) -> NDArray:
+    """[Hz] (n,) that all responses have.
+
+    Raises:
+        SceneError: they have others, or such that do not rise.
+    """
+    hertz = np.asarray(responses[0]["x"], float)
+    if hertz.size < _LEAST or not (np.diff(hertz) > 0).all():
+        raise SceneError("", f"must have {_LEAST} rising frequencies at least")
+    for data in responses:
+        if np.shape(data["x"]) != hertz.shape or not np.allclose(data["x"], hertz, rtol=1e-9):
             raise SceneError("", "must have the same frequencies in all functions")
-    # against the axis counts as negative along it
-    signs = np.array([np.sign(k) for _, k in places])
-    responses = np.stack([np.asarray(one["data"], complex) for one in functions]) * signs[:, None]
-    if not np.isfinite(responses).all():
-        raise SceneError("", "has responses that are not finite")
-    found, shapes = modes_of_responses(hertz, responses)
-    return _test(name, found, [(node, _AXES[abs(k)]) for node, k in places], shapes)
+    return hertz
 
 
 def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDArray]:

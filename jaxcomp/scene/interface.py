@@ -3,7 +3,6 @@
 from ._annotated import start_from as start_from
 from ._annotated import starts as starts
 from ._annotated import summary as summary
-from ._cells import read_cells as read_cells
 from ._change import with_lists as with_lists
 from ._change import with_machine as with_machine
 from ._describe import DescribedValue as DescribedValue

@@ -13,16 +13,19 @@ import os
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._core.errors import BadInput
-from .._core.words import did_you_mean
 from ..crank import LoadTable
-from ._cells import cell_number, header_cell, lines_of, read_cells
+from ._columns import Columns
+from ._settings import settings_of
+from ._table_text import TableText, read_table_text
 from ._text import SceneError, reading
-from ._units import factor
 
-_COLUMNS = {"angle": ("rad", "deg"), "W_x": ("N", "N"), "W_y": ("N", "N")}
-_SPEEDS = {"journal_speed": ("rad/s", "rpm"), "bush_speed": ("rad/s", "rpm")}
+# SI unit of every column, and the one of the example in messages.
+_COLUMNS = {"angle": "rad", "W_x": "N", "W_y": "N"}
+_SPEEDS = {"journal_speed": "rad/s", "bush_speed": "rad/s"}
+_EXAMPLES = {"angle": "deg", "W_x": "N", "W_y": "N", "journal_speed": "rpm", "bush_speed": "rpm"}
 _ENTRY = re.compile(r"(\w+)\[(\d+)\]")
 
 
@@ -46,7 +49,8 @@ def read_loads(
         BadInput: an unknown frame or way between the points.
     """
     with reading(os.fspath(path)):
-        columns = _read(read_cells(path))
+        table = read_table_text(path)
+        columns = _load_columns(table)
         angle, *load = (columns.pop(name) for name in _COLUMNS)
         try:
             return LoadTable(angle, np.stack(load), period, frame=frame, between=between, **columns)  # pyright: ignore
@@ -54,35 +58,17 @@ def read_loads(
             entry = _ENTRY.fullmatch(error.field)
             if entry is None and error.field != "angle":
                 raise
-            place = f"line {int(entry[2]) + 2}.{entry[1]}" if entry else "angle"
+            place = error.field
+            if entry:
+                place = f"line {table.rows[int(entry[2])].number}.{entry[1]}"
             raise SceneError(place, f"must be {error.bound}", error.value) from None
 
 
-def _read(lines: list[list[str]]) -> dict[str, np.ndarray]:
-    if not lines:
+def _load_columns(table: TableText) -> dict[str, NDArray]:
+    """[SI] Columns by their names."""
+    if not table.heads:
         raise SceneError("", "is empty")
-    sizes = _sizes(lines[0])
-    table = {name: [] for name in sizes}
-    for number, line in lines_of(lines[1:], len(sizes)):
-        for (name, size), text in zip(sizes.items(), line, strict=True):
-            table[name].append(cell_number(text, f"line {number}.{name}") * size)
-    return {name: np.array(values) for name, values in table.items()}
-
-
-def _sizes(heads: list[str]) -> dict[str, float]:
-    """[SI] Size of the unit of every column by its name."""
-    known, sizes = _COLUMNS | _SPEEDS, {}
-    for cell in heads:
-        name, unit = header_cell(cell) or (cell.strip(), "")
-        if name not in known:
-            raise SceneError(cell.strip(), f"is an unknown column{did_you_mean(name, known)}")
-        if name in sizes:
-            raise SceneError(name, "is there twice")
-        if not unit:
-            raise SceneError(name, f'needs its unit in the head, as in "{name} [{known[name][1]}]"')
-        sizes[name] = factor(unit, known[name][0], name, unit)
-    for name in _COLUMNS:
-        if name not in sizes:
-            head = ",".join(f"{one} [{unit}]" for one, (_, unit) in _COLUMNS.items())
-            raise SceneError(name, f'is a missing column; a head is "{head}"')
-    return sizes
+    settings_of(table.settings)
+    columns = Columns(table, _COLUMNS | _SPEEDS, tuple(_COLUMNS), _EXAMPLES)
+    units = _COLUMNS | _SPEEDS
+    return {name: columns.values(name, units[name], may_be_empty=False) for name in columns.names}

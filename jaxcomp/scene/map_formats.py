@@ -14,22 +14,37 @@ over electric power, the volumetric one counts with the density of this gas.
 import json
 import os
 import re
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._core.errors import BadInput
+from .._core.files import regular
+from .._core.words import did_you_mean
 from ..fluid import RealGas
-from ..study.rating import ZERO, RatingMap, capacity_rise, polynomial_errors, polynomial_terms
-from ._text import SceneError, reading
+from ..study.rating import RatingMap, capacity_rise, polynomial_errors, polynomial_terms
+from ._settings import ERROR_OF, WORDS, known_name, measure_setting
+from ._table_text import cell_number
+from ._text import LARGEST, SceneError, reading
+from ._units import scale
 
 # Places of EnergyPlus' terms in the order of AHRI 540.
 _ORDER = (0, 1, 3, 2, 5, 4, 6, 9, 7, 8)
 _RATED = ("superheat", "return_gas", "liquid", "subcooling")
 _COMPRESSOR = "refrigeration:compressor"
 _BICUBIC = "curve:bicubic"
+_REMARK = re.compile(r"^!\s*(\w+)\s*=\s*(.*)$", re.MULTILINE)
+# Entries of a file of TESPy, beside texts of `_SETTINGS`.
+_POLYNOMIALS = ("eta_s_poly", "eta_vol_poly")
+_STATE = ("swept_volume", "frequency_poly", "T_sh", "T_sc")
+_LARGEST_NUMBER = 1e30
+_SETTINGS = (
+    *WORDS, *_RATED, "useful_superheat", "evaporating", "condensing", "speed", "rating",
+)  # fmt: skip
 
 
 def energyplus_text(metadata: Mapping[str, str], rows: Mapping[str, Any]) -> str:
@@ -82,43 +97,90 @@ def read_energyplus(
     Raises:
         SceneError: no such compressor, several without a name, or a curve that is missing.
     """
-    with reading(os.fspath(path)), open(path, encoding="utf-8") as file:
-        text = file.read(4_000_000)
-        plain = re.findall(r"^!\s*(\w+)\s*=\s*(.*)$", text, re.MULTILINE)
-        metadata = {key: value.strip() for key, value in plain}
-        bare = re.sub(r"!.*", "", text)
-        objects = [[cell.strip() for cell in one.split(",")] for one in bare.split(";")]
-        compressors = [n for n, one in enumerate(objects) if one[0].lower() == _COMPRESSOR]
-        names = [objects[n][1] for n in compressors]
-        if not names:
-            raise SceneError("", "has no Refrigeration:Compressor")
-        if name is None and len(names) > 1:
-            listed = ", ".join(names[:8])
-            raise SceneError(
-                "", f"has {len(names)} compressors; name one as FILE.idf#NAME: {listed}"
-            )
-        if name is not None and name.lower() not in [one.lower() for one in names]:
-            raise SceneError(name, f"is no compressor of the file, but {', '.join(names[:8])}")
-        at = compressors[0 if name is None else [one.lower() for one in names].index(name.lower())]
-        cells = [*objects[at], *[""] * 8]
-        curves = {
-            one[1].lower(): one for one in objects[:at] if one[0].lower() == _BICUBIC
-        }  # the last of a name counts
+    with reading(os.fspath(path)):
+        text = _text_of(path)
+        settings = {}
+        for key, value in _REMARK.findall(text):
+            known = known_name(key, _SETTINGS)
+            if known is not None:
+                settings[known] = value.strip()
+        objects = _objects(text)
+        at = _compressor(objects, name)
+        compressor = [*objects[at], *[""] * 8]
+        curves = {cells[1].lower(): cells for cells in objects[:at] if _is_curve(cells)}
         rows = {}
-        for quantity, key in (("capacity", cells[3]), ("power", cells[2])):
-            if key.lower() not in curves:
-                raise SceneError(key, "is a Curve:Bicubic that is missing before the compressor")
-            curve = curves[key.lower()]
-            own = np.empty(10)
-            own[list(_ORDER)] = [float(x) for x in curve[2:12]]
-            rows[quantity] = own
-            for side, low, high in (("evaporating", *curve[12:14]), ("condensing", *curve[14:16])):
-                metadata.setdefault(side, f"{low} to {high} degC")
-        for key, value in zip(_RATED, cells[4:8], strict=True):
+        for quantity, curve_name in (("capacity", compressor[3]), ("power", compressor[2])):
+            if curve_name.lower() not in curves:
+                problem = "is a Curve:Bicubic that is missing before the compressor"
+                raise SceneError(curve_name, problem)
+            numbers = _curve_numbers(curves[curve_name.lower()])
+            rows[quantity] = np.empty(10)
+            rows[quantity][list(_ORDER)] = numbers[:10]
+            low, high, lowest, highest = numbers[10:]
+            settings.setdefault("evaporating", f"{low!r} to {high!r} degC")
+            settings.setdefault("condensing", f"{lowest!r} to {highest!r} degC")
+        for key, value in zip(_RATED, compressor[4:8], strict=True):
             if value:
                 unit = "degC" if key in ("return_gas", "liquid") else "K"
-                metadata[key] = f"{value} {unit}"
-        return metadata | {"machine": cells[1]}, rows
+                settings[key] = f"{cell_number(value, key)!r} {unit}"
+        return settings | {"machine": compressor[1]}, rows
+
+
+def _text_of(path: str | os.PathLike) -> str:
+    """Text of a file; signs that are not UTF-8 stand in remarks alone, and are passed over."""
+    with open(regular(path), "rb") as file:
+        content = file.read(LARGEST + 1)
+    if len(content) > LARGEST:
+        raise SceneError("", f"is larger than {LARGEST / 1e6:.0f} MB")
+    return content.decode("utf-8-sig", "replace")
+
+
+def _objects(text: str) -> list[list[str]]:
+    """Cells of the objects of EnergyPlus, without remarks."""
+    bare = re.sub(r"!.*", "", text)
+    return [[cell.strip() for cell in each.split(",")] for each in bare.split(";")]
+
+
+def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
+    """Place of a compressor among objects, of the only one where no name is given.
+
+    Raises:
+        SceneError: no such compressor, or several without a name.
+    """
+    places = [
+        place
+        for place, cells in enumerate(objects)
+        if cells[0].lower() == _COMPRESSOR and len(cells) > 1
+    ]
+    names = [objects[place][1] for place in places]
+    if not names:
+        raise SceneError("", "has no Refrigeration:Compressor")
+    listed = ", ".join(names[:8])
+    if name is None and len(names) > 1:
+        raise SceneError("", f"has {len(names)} compressors; name one as FILE.idf#NAME: {listed}")
+    if name is None:
+        return places[0]
+    lowered = [each.lower() for each in names]
+    if name.lower() not in lowered:
+        raise SceneError(name, f"is no compressor of the file, but {listed}")
+    return places[lowered.index(name.lower())]
+
+
+def _is_curve(cells: Sequence[str]) -> bool:
+    return cells[0].lower() == _BICUBIC and len(cells) > 1
+
+
+def _curve_numbers(cells: Sequence[str]) -> list[float]:
+    """Ten coefficients of a curve and the ends of its variables.
+
+    Raises:
+        SceneError: too few of them, or one that is no number.
+    """
+    name, numbers = cells[1], cells[2:16]
+    if len(numbers) < 14:
+        problem = "is a Curve:Bicubic with ten coefficients and four ends of its variables, but has"
+        raise SceneError(name, f"{problem} {len(numbers)} numbers")
+    return [cell_number(number, name) for number in numbers]
 
 
 def tespy_text(
@@ -169,48 +231,142 @@ def read_tespy(
     Raises:
         SceneError: no JSON, or an entry that is missing.
     """
-    with reading(os.fspath(path)), open(path, encoding="utf-8") as file:
+    with reading(os.fspath(path)):
         try:
-            given = json.load(file)
+            given = json.loads(_text_of(path))
         except json.JSONDecodeError as error:
             raise SceneError("", f"is no JSON: {error}") from None
-        for key in ("fluid", "eta_s_poly", "eta_vol_poly", "reference_state"):
-            if key not in given:
-                raise SceneError(key, "is missing in a file of TESPy's PolynomialCompressor")
-        state = given["reference_state"]
-        metadata = {key: value for key, value in given.items() if isinstance(value, str)}
-        for key, own in (("superheat", "T_sh"), ("subcooling", "T_sc")):
-            if own in state and not {"return_gas", "liquid"} & metadata.keys():
-                metadata.setdefault(key, f"{state[own]} K")
-        gas = RealGas(given["fluid"])
+        except (RecursionError, ValueError):  # numbers of thousands of digits
+            raise SceneError("", "is no JSON of TESPy's PolynomialCompressor") from None
+        entries = _tespy_entries(given)
+        state = entries.state
+        settings = dict(entries.settings)
+        for key, of_state in (("superheat", "T_sh"), ("subcooling", "T_sc")):
+            if of_state in state and not {"return_gas", "liquid"} & settings.keys():
+                settings.setdefault(key, f"{state[of_state]!r} K")
+        gas = _fluid(settings["fluid"])
+        for one, other in (("return_gas", "superheat"), ("liquid", "subcooling")):
+            if one not in settings and other not in settings:
+                raise SceneError(one, f"or {other} must be given")
 
         def at(S, D) -> dict[str, np.ndarray]:
-            density, rise, worth = _states(metadata, gas, S, D)
+            density, rise, worth = _states(settings, gas, S, D)
             terms = polynomial_terms(S, D)
-            flow = terms @ np.array(given["eta_vol_poly"]) * density
+            efficiency = terms @ entries.isentropic
+            if not (efficiency > 0).all():
+                problem = "must be above 0 at all points; take fewer"
+                raise SceneError("eta_s_poly", problem, float(efficiency.min()))
+            flow = terms @ entries.volumetric * density
             flow *= state["swept_volume"] * state["frequency_poly"]
-            power = flow * rise / (terms @ np.array(given["eta_s_poly"]))
+            power = flow * rise / efficiency
             return {"capacity": flow * worth, "power": power, "mass_flow": flow}
 
-        return metadata, at
+        return settings, at
+
+
+class _Tespy(NamedTuple):
+    """Entries of a file of TESPy: settings, coefficients of efficiencies, and the reference state."""
+
+    settings: Mapping[str, str]
+    isentropic: np.ndarray
+    volumetric: np.ndarray
+    state: Mapping[str, float]
+
+
+def _tespy_entries(given: Any) -> _Tespy:
+    """Entries of the JSON of a file, each of its type.
+
+    Raises:
+        SceneError: an entry that is missing, unknown or of another type.
+    """
+    if not isinstance(given, dict):
+        raise SceneError("", "must be one JSON object, as TESPy's PolynomialCompressor takes it")
+    for key in ("fluid", *_POLYNOMIALS, "reference_state"):
+        if key not in given:
+            raise SceneError(key, "is missing in a file of TESPy's PolynomialCompressor")
+    isentropic, volumetric = (_coefficients(given[key], key) for key in _POLYNOMIALS)
+    state = _reference_state(given["reference_state"])
+    return _Tespy(_tespy_settings(given), isentropic, volumetric, state)
+
+
+def _tespy_settings(given: Mapping[str, Any]) -> dict[str, str]:
+    """Texts among the entries of a file."""
+    settings = {}
+    for key, value in given.items():
+        if key in (*_POLYNOMIALS, "reference_state") or key.startswith(ERROR_OF):
+            continue
+        name = known_name(key, _SETTINGS)
+        if name is None:
+            raise SceneError(key, f"is an unknown entry{did_you_mean(key, _SETTINGS)}")
+        if not isinstance(value, str):
+            raise SceneError(key, 'must be a text, with its unit, as "10 K"', value)
+        settings[name] = value
+    return settings
+
+
+def _reference_state(given: Any) -> Mapping[str, float]:
+    """Numbers of the state at which the polynomials hold."""
+    if not isinstance(given, dict):
+        raise SceneError("reference_state", "must be an object", given)
+    for key, value in given.items():
+        place = f"reference_state.{key}"
+        if key not in _STATE:
+            raise SceneError(place, f"is an unknown entry{did_you_mean(key, _STATE)}")
+        _json_number(value, place)
+    for key in ("swept_volume", "frequency_poly"):
+        if not given.get(key, 0) > 0:
+            raise SceneError(f"reference_state.{key}", "must be a number above 0", given.get(key))
+    return given
+
+
+def _coefficients(given: Any, key: str) -> np.ndarray:
+    """Ten numbers of a list."""
+    if not isinstance(given, list) or len(given) != 10:
+        raise SceneError(key, "must be a list of ten numbers", given)
+    return np.array([_json_number(value, f"{key}.{n}") for n, value in enumerate(given)])
+
+
+def _json_number(given: Any, key: str) -> float:
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise SceneError(key, "must be a number", given)
+    # a whole number may have any number of digits
+    if not abs(given) < _LARGEST_NUMBER:
+        raise SceneError(key, f"must be a number below {_LARGEST_NUMBER:g}", given)
+    return float(given)
+
+
+def _fluid(name: str) -> RealGas:
+    try:
+        return RealGas(name)
+    except BadInput as error:
+        raise SceneError("fluid", f"must be {error.bound}", name) from None
 
 
 def _states(metadata: Mapping[str, str], fluid: RealGas, S, D):
     """Density of the gas that comes, rise of isentropic compression, and worth of a kilogram."""
 
-    def number(key: str):
-        return float(metadata[key].split(" ")[0])
+    def kelvins(key: str) -> float:
+        """[K] Number of a setting, which is a temperature or a difference."""
+        level = key in ("return_gas", "liquid")
+        number, unit = measure_setting(metadata, key, "18.3 degC" if level else "10 K")
+        size, zero = scale(unit, "K", level, key, unit)
+        return number * size + zero
 
-    gas = (
-        number("return_gas") + ZERO + 0 * S if "return_gas" in metadata else S + number("superheat")
-    )
-    liquid = number("liquid") + ZERO + 0 * D if "liquid" in metadata else D - number("subcooling")
-
-    def one(s, d, gas, liquid):
-        low, high = fluid.saturation(T=s).p, fluid.saturation(T=d).p
-        comes = fluid.state(gas, fluid.density(gas, low))
-        rise = fluid.at_entropy(high, comes.s, comes).h - comes.h
-        return comes.rho, rise, capacity_rise(fluid, s, gas, liquid)
+    gas = kelvins("return_gas") + 0 * S if "return_gas" in metadata else S + kelvins("superheat")
+    liquid = kelvins("liquid") + 0 * D if "liquid" in metadata else D - kelvins("subcooling")
 
     points = (jnp.asarray(x, float) for x in (S, D, gas, liquid))
-    return tuple(np.asarray(x) for x in jax.jit(jax.vmap(one))(*points))
+    return tuple(np.asarray(x) for x in _states_at(fluid, *points))
+
+
+@eqx.filter_jit
+def _states_at(fluid: RealGas, evaporating, condensing, gas, liquid):
+    """(n,) of `_states` at n temperatures [K]; one program for all files of a fluid and a size."""
+
+    def at_point(evaporating, condensing, gas, liquid):
+        low, high = fluid.saturation(T=evaporating).p, fluid.saturation(T=condensing).p
+        comes = fluid.state(gas, fluid.density(gas, low))
+        rise = fluid.at_entropy(high, comes.s, comes).h - comes.h
+        return comes.rho, rise, capacity_rise(fluid, evaporating, gas, liquid)
+
+    return jax.vmap(at_point)(evaporating, condensing, gas, liquid)

@@ -14,36 +14,39 @@ deviations. What was set at all points may stand in the metadata: `# motor.mean_
 """
 
 import os
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .._core.display import is_temperature
 from .._core.errors import BadInput
-from .._core.words import did_you_mean
 from ..machine import Machine
 from ..study import AbstractMeasurement, ModalTest, Table, Trace, VibrationTest, variable
-from ..study.interface import quantity_named
-from ._cells import cell_number, lines_of, read_cells
+from ..study.interface import quantity_named, variable_names
+from ._columns import Columns
+from ._settings import (
+    bare_name,
+    check_fluid,
+    count_setting,
+    known_name,
+    machine_settings,
+    settings_of,
+    word_setting,
+)
+from ._table_text import Head, TableText, read_table_text
 from ._text import SceneError, reading
-from ._units import factor, scale, to_si
 from ._universal import read_universal
-from .readings import read_readings, split_metadata
+from .readings import MAP_HEAD, map_readings, read_readings
 
 _UFF = (".uff", ".unv", ".uf")
-_WORDS = (
-    "machine",
-    "fluid",
-    "source",
-    "form",
-    "licence",
-    "support",
-    "order",
-    "independent",
-    "date",
-)
+_VIBRATION = ("target", "axis", "speed", "amplitude", "phase")
+_MOST_MODES = 10_000
+# Units of columns in messages.
+_EXAMPLES = {"crank_angle": "deg", "frequency": "Hz", "speed": "rpm", "amplitude": "um",
+             "phase": "deg"}  # fmt: skip
 
 
 def read_measurement(
@@ -67,36 +70,39 @@ def read_measurement(
     if not os.path.exists(path) and os.fspath(path) in bundled_maps():
         path = bundled_maps()[os.fspath(path)]
     name = os.path.basename(os.fspath(path))
-    if Path(path).suffix.lower() in _UFF:
+    # behind the sign stands a compressor of the file
+    suffix = Path(os.fspath(path).partition("#")[0]).suffix.lower()
+    if suffix in _UFF:
         with reading(os.fspath(path)):
             return read_universal(path, name)
-    if Path(path).suffix.lower() in (".idf", ".json"):
+    if suffix in (".idf", ".json"):
         return read_readings(path, evaporating, condensing, speed)
     with reading(os.fspath(path)):
-        found = _by_heads(name, *split_metadata(read_cells(path)), machine)
-    return read_readings(path, evaporating, condensing, speed) if found is None else found
+        table = read_table_text(path)
+        if not table.heads:
+            raise SceneError("", "has no line of heads")
+        read = _reader_for(table)
+        if read is None:
+            return map_readings(name, table, evaporating, condensing, speed)
+        if not table.rows:
+            raise SceneError("", "has no readings")
+        return read(name, table, machine)
 
 
-def _by_heads(name: str, metadata, lines, machine: Machine) -> AbstractMeasurement | None:
-    """The measurement of a CSV file; `None` for points of a map."""
-    if not lines:
-        raise SceneError("", "has no line of heads")
-    heads, rows = [_head(cell) for cell in lines[0]], lines[1:]
-    names = [head[0] for head in heads]
-    if "evaporating" in names or names[0] == "quantity":
+def _reader_for(
+    table: TableText,
+) -> Callable[[str, TableText, Machine], AbstractMeasurement] | None:
+    """The reader of the kind that the heads of a table tell; `None` for points of a map."""
+    names = [bare_name(head.name) for head in table.heads]
+    if "evaporating" in names or "condensing" in names or names[0] == "quantity":
         return None
-    rows = [line for _, line in lines_of(rows, len(heads))]
-    if twice := {one for one in names if names.count(one) > 1}:
-        raise SceneError(min(twice), "is there twice")
-    if not rows:
-        raise SceneError("", "has no readings")
-    if "crank_angle" in names:
-        return _trace(name, metadata, heads, rows, machine)
+    if "crankangle" in names:
+        return _trace
     if "frequency" in names:
-        return _modal(name, metadata, heads, rows)
+        return _modal
     if "target" in names or "amplitude" in names:
-        return _vibration(name, metadata, heads, rows)
-    return _table(name, metadata, heads, rows, machine)
+        return _vibration
+    return _table
 
 
 def bundled_maps() -> dict[str, Path]:
@@ -105,187 +111,187 @@ def bundled_maps() -> dict[str, Path]:
     return {file.stem: file for file in sorted(folder.glob("*.csv"))}
 
 
-def _head(cell: str) -> tuple[str, str]:
-    """Name and unit of a column."""
-    name, bracket, unit = cell.strip().partition("[")
-    return name.strip(), unit.rstrip("] ").strip() if bracket else ""
-
-
-def _number(text: str, unit: str, si: str, key: str) -> float:
-    value = cell_number(text, key, np.nan)
-    if si == "rad/s" and unit.lower() in ("hz", "1/s"):
-        return value * 2 * np.pi
-    size, zero = _scale(unit, si, key, is_temperature(key, si))
-    return value * size + zero
-
-
-def _scale(unit: str, si: str, key: str, level: bool) -> tuple[float, float]:
-    if si and not unit:
-        raise SceneError(key, f'needs its unit in the head, as in "{key} [{si}]"')
-    return scale(unit, si, level, key, unit) if unit else (1.0, 0.0)
-
-
-def _column(heads, lines, name: str, si: str) -> np.ndarray:
-    n = [head for head, _ in heads].index(name)
-    unit = heads[n][1]
-    if si != "rad/s" or unit.lower() not in ("hz", "1/s"):
-        _scale(unit, si, name, is_temperature(name, si))
-    rows = enumerate(lines, 2)
-    return np.array([_number(line[n], unit, si, f"line {k}.{name}") for k, line in rows])
-
-
-def _deviation(heads, lines, name: str, si: str, values: np.ndarray) -> np.ndarray | None:
-    n = next((n for n, (head, _) in enumerate(heads) if head == f"sd({name})"), None)
-    if n is None:
-        return None
-    cells = np.array(
-        [cell_number(line[n], f"line {k}.sd({name})", np.nan) for k, line in enumerate(lines, 2)]
+def _trace(name: str, table: TableText, machine: Machine) -> Trace:
+    columns = Columns(
+        table, ("crank_angle", *Trace.MEASURED), ("crank_angle",), _EXAMPLES, deviations=True
     )
-    unit = heads[n][1]
-    if unit == "%":
-        return cells / 100 * np.abs(values)
-    if si == "rad/s" and unit.lower() in ("hz", "1/s"):
-        return cells * 2 * np.pi
-    return cells * _scale(unit, si, f"sd({name})", False)[0]
-
-
-def _known(heads, names, needed) -> None:
-    for head, _ in heads:
-        plain = head[3:-1] if head.startswith("sd(") else head
-        if plain not in names:
-            near = did_you_mean(plain, names)
-            raise SceneError(head, f"is an unknown column{near}")
-    for name in needed:
-        if name not in [head for head, _ in heads]:
-            raise SceneError(name, "is a missing column")
-
-
-def _settings(metadata: Mapping[str, str], machine: Machine) -> dict[str, float]:
-    """[SI] Numbers of the machine that the metadata sets."""
-    out = {}
-    for key, text in metadata.items():
-        if key in _WORDS or not text:
-            continue
-        try:
-            one = variable(machine, key)
-        except BadInput as error:
-            raise SceneError(key, str(error)) from None
-        out[key] = float(to_si(text, one.unit, key))
-    return out
-
-
-def _trace(name, metadata, heads, lines, machine) -> Trace:
-    known = ("crank_angle", *Trace.MEASURED)
-    _known(heads, known, ("crank_angle",))
-    angle = _column(heads, lines, "crank_angle", "rad")
-    quantities = tuple(q for q in Trace.MEASURED if q in [head for head, _ in heads])
+    settings = settings_of(table.settings, ("independent",), machine)
+    check_fluid(settings, machine)
+    quantities = tuple(quantity for quantity in Trace.MEASURED if quantity in columns)
     if not quantities:
         raise SceneError("", f"measures nothing; known are {', '.join(Trace.MEASURED)}")
-    units = [Trace.MEASURED[q] for q in quantities]
-    pairs = list(zip(quantities, units, strict=True))
-    measured = np.stack([_column(heads, lines, *pair) for pair in pairs])
-    sd = [
-        _deviation(heads, lines, *pair, values)
-        for pair, values in zip(pairs, measured, strict=True)
-    ]
-    given = _settings(metadata, machine)
-    independent = int(float(metadata.get("independent", Trace.INDEPENDENT)))
+    measured, deviations = _measured(columns, {q: Trace.MEASURED[q] for q in quantities})
+    values = machine_settings(settings, machine, ("independent",))
     return Trace(
-        name, quantities, angle, measured, tuple(given), tuple(given.values()),
-        np.stack([np.full(angle.size, np.nan) if one is None else one for one in sd]), independent,
-    )  # fmt: skip
+        source=name,
+        quantities=quantities,
+        angle=columns.values("crank_angle", "rad", may_be_empty=False),
+        measured=measured,
+        paths=tuple(values),
+        settings=tuple(values.values()),
+        sd=deviations,
+        independent=count_setting(settings, "independent", Trace.INDEPENDENT),
+    )
 
 
-def _table(name, metadata, heads, lines, machine) -> Table:
-    quantities, units, paths = [], [], {}
-    for head, _ in heads:
-        if head.startswith("sd("):
-            continue
-        try:
-            units.append(quantity_named(head).unit)
-            quantities.append(head)
-        except BadInput as no_quantity:
-            try:
-                paths[head] = variable(machine, head).unit
-            except BadInput as error:
-                both = (
-                    f"is neither a quantity ({no_quantity}) nor a number of the machine ({error})"
-                )
-                raise SceneError(head, both) from None
-    _known(heads, (*quantities, *paths), ())
+def _measured(columns: Columns, units: Mapping[str, str]) -> tuple[NDArray, NDArray]:
+    """[SI] (quantities, n) readings, and standard deviations; not a number where not given."""
+    measured, deviations = [], []
+    for name, unit in units.items():
+        values = columns.values(name, unit)
+        deviation = columns.deviations(name, unit, values)
+        measured.append(values)
+        deviations.append(np.full(values.size, np.nan) if deviation is None else deviation)
+    return np.stack(measured), np.stack(deviations)
+
+
+def _table(name: str, table: TableText, machine: Machine) -> Table:
+    quantities, paths = _quantities_and_paths(table.heads, machine)
+    columns = Columns(table, (*quantities, *paths), (), deviations=True)
+    settings = settings_of(table.settings, (), machine)
+    check_fluid(settings, machine)
     if not quantities:
         raise SceneError("", "measures nothing: no head is a quantity")
-    pairs = list(zip(quantities, units, strict=True))
-    measured = np.stack([_column(heads, lines, *pair) for pair in pairs], axis=-1)
-    sd = [
-        _deviation(heads, lines, *pair, values)
-        for pair, values in zip(pairs, measured.T, strict=True)
-    ]
-    given = _settings(metadata, machine)
-    settings = [_column(heads, lines, *pair) for pair in paths.items()]
-    settings += [np.full(len(lines), value) for value in given.values()]
+    values = machine_settings(settings, machine)
+    for path in values:
+        if path in paths:
+            raise SceneError(path, "is given in a column and above the table; one must go")
+    measured, deviations = _measured(columns, quantities)
+    conditions = [columns.values(path, unit, may_be_empty=False) for path, unit in paths.items()]
+    conditions += [np.full(len(columns), value) for value in values.values()]
     return Table(
-        name, tuple(quantities), measured, (*paths, *given),
-        np.stack(settings, axis=-1) if settings else np.zeros((len(lines), 0)),
-        np.stack([np.full(len(lines), np.nan) if one is None else one for one in sd], axis=-1),
-        (*paths.values(), *(variable(machine, key).unit for key in given)),
-    )  # fmt: skip
+        source=name,
+        quantities=tuple(quantities),
+        measured=measured.T,
+        paths=(*paths, *values),
+        settings=np.stack(conditions, -1) if conditions else np.zeros((len(columns), 0)),
+        sd=deviations.T,
+        units=(*paths.values(), *(variable(machine, path).unit for path in values)),
+    )
 
 
-def _modal(name, metadata, heads, lines) -> ModalTest:
-    places = [head for head, _ in heads if "." in head]
-    _known(heads, ("frequency", "mode", *places), ("frequency",))
-    frequency = _column(heads, lines, "frequency", "rad/s")
-    if not (frequency > 0).all():
-        raise SceneError("frequency", "must be above 0", frequency.min())
-    modes = tuple(range(1, len(lines) + 1))
-    if "mode" in [head for head, _ in heads]:
-        modes = tuple(int(x) for x in _column(heads, lines, "mode", ""))
-    if len(set(modes)) < len(modes):
-        raise SceneError("mode", "is named twice")
-    if min(modes) < 1:
-        raise SceneError("mode", "must be a number from 1", min(modes))
-    support = metadata.get("support", "free")
+def _quantities_and_paths(
+    heads: Sequence[Head], machine: Machine
+) -> tuple[dict[str, str], dict[str, str]]:
+    """SI units of the quantities and of the numbers of the machine that heads name."""
+    quantities, paths, problems = {}, {}, []
+    numbers = variable_names(machine)
+    for head in heads:
+        if re.match(r"sd\s*\(", head.name, re.IGNORECASE):
+            continue
+        try:
+            name = head.name.lower().replace(" ", "_")
+            name = name if _is_quantity(name) else head.name
+            quantities[name] = quantity_named(name).unit
+        except BadInput as no_quantity:
+            try:
+                path = known_name(head.name, numbers) or head.name
+                paths[path] = variable(machine, path).unit
+            except BadInput as no_number:
+                problem = (
+                    f"is neither a quantity ({no_quantity}) nor a number of the machine "
+                    f"({no_number})"
+                )
+                problems.append(SceneError(head.name, problem))
+    if problems and not quantities and not paths:
+        raise _unknown_heads(heads)
+    if problems:
+        raise problems[0]
+    return quantities, paths
+
+
+def _is_quantity(name: str) -> bool:
+    try:
+        quantity_named(name)
+    except BadInput:
+        return False
+    return True
+
+
+def _unknown_heads(heads: Sequence[Head]) -> SceneError:
+    """The complaint about a table of which no head is known, with what every kind of table needs."""
+    names = ", ".join(head.name for head in heads)
+    kinds = (
+        ("a map", MAP_HEAD),
+        ("readings over a revolution", "crank_angle [deg],pressure [bar]"),
+        ("a modal test", "mode,frequency [Hz]"),
+        ("vibration", "target,axis,speed [rpm],amplitude [um]"),
+        ("any other table", "motor.mean_speed [rpm],motor_power [W]"),
+    )
+    listed = "; ".join(f'{kind}: "{head}"' for kind, head in kinds)
+    return SceneError("heads", f"are those of no kind of table. Kinds are {listed}", names)
+
+
+def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
+    del machine
+    places = [head.name for head in table.heads if "." in head.name]
+    columns = Columns(
+        table, ("frequency", "mode", *places), ("frequency",), _EXAMPLES, deviations=True
+    )
+    settings = settings_of(table.settings, ("support",))
+    frequency = columns.values("frequency", "rad/s", may_be_empty=False)
+    columns.refuse("frequency", ~(frequency > 0), frequency, "above 0")
+    support = word_setting(settings, "support").lower() or "free"
     if support not in ("free", "held"):
         raise SceneError("support", 'must be "free" or "held"', support)
-    nodes, axes = _places(places)
-    shape = np.stack([_column(heads, lines, place, "") for place in places], -1) if places else None
-    sd = _deviation(heads, lines, "frequency", "rad/s", frequency)
-    return ModalTest(name, frequency, modes, support == "free", nodes, axes, shape, sd)
+    nodes, axes = _places([place for place in columns.names if place in places])
+    shapes = [columns.values(place, "") for place in columns.names if place in places]
+    return ModalTest(
+        source=name,
+        frequency=frequency,
+        modes=_mode_numbers(columns),
+        free=support == "free",
+        nodes=nodes,
+        axes=axes,
+        shape=np.stack(shapes, -1) if shapes else None,
+        sd=columns.deviations("frequency", "rad/s", frequency),
+    )
 
 
-def _places(places) -> tuple[tuple[Any, ...], tuple[str, ...]]:
+def _mode_numbers(columns: Columns) -> tuple[int, ...]:
+    """Numbers of the modes, from 1; those of the lines where the table has none."""
+    if "mode" not in columns:
+        return tuple(range(1, len(columns) + 1))
+    numbers = columns.values("mode", "", may_be_empty=False)
+    whole = (numbers == np.round(numbers)) & (numbers >= 1) & (numbers <= _MOST_MODES)
+    columns.refuse("mode", ~whole, numbers, f"a whole number from 1 to {_MOST_MODES}")
+    modes = tuple(int(number) for number in numbers)
+    if len(set(modes)) < len(modes):
+        raise SceneError("mode", "is named twice")
+    return modes
+
+
+def _places(places: Sequence[str]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
     """Nodes and axes of texts as "12.ux"."""
     pairs = [place.rpartition(".")[::2] for place in places]
-    nodes = tuple(int(node) if node.isdigit() else node for node, _ in pairs)
-    return nodes, tuple(axis for _, axis in pairs)
+    nodes = tuple(int(node) if re.fullmatch("[0-9]{1,9}", node) else node for node, _ in pairs)
+    return nodes, tuple(axis.strip() for _, axis in pairs)
 
 
-def _vibration(name, metadata, heads, lines) -> VibrationTest:
-    known = ("target", "axis", "speed", "amplitude", "phase")
-    _known(heads, known, known[:-1])
-    names = [head for head, _ in heads]
-    targets, axes = (
-        tuple(line[names.index(key)].strip() for line in lines) for key in ("target", "axis")
+def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:
+    del machine
+    columns = Columns(table, _VIBRATION, _VIBRATION[:-1], _EXAMPLES, deviations=True)
+    settings = settings_of(table.settings, ("order",))
+    speed = columns.values("speed", "rad/s", may_be_empty=False)
+    columns.refuse("speed", ~(speed > 0), speed, "above 0")
+    order = count_setting(settings, "order", 1)
+    size = np.ones(len(columns))
+    unit = "m"
+    if not columns.has_dimension("amplitude", "m"):  # of a velocity
+        size, unit = 1 / (order * speed), "m/s"
+    amplitude = size * columns.values("amplitude", unit, may_be_empty=False)
+    columns.refuse("amplitude", ~(amplitude >= 0), amplitude, ">= 0")
+    deviation = columns.deviations("amplitude", unit, amplitude / size)
+    phase = np.full(len(columns), np.nan)
+    if "phase" in columns:
+        phase = columns.values("phase", "rad")
+    return VibrationTest(
+        source=name,
+        targets=columns.words("target"),
+        axes=columns.words("axis"),
+        speed=speed,
+        amplitude=amplitude,
+        phase=phase,
+        order=order,
+        sd=None if deviation is None else size * deviation,
     )
-    speed = _column(heads, lines, "speed", "rad/s")
-    order = int(float(metadata.get("order", "1")))
-    amplitude = _column(heads, lines, "amplitude", "m") if _is(heads, "amplitude", "m") else None
-    if amplitude is None:  # of a velocity
-        amplitude = _column(heads, lines, "amplitude", "m/s") / (order * speed)
-    if not (amplitude >= 0).all():
-        raise SceneError("amplitude", "must be >= 0", amplitude.min())
-    phase = np.full(speed.size, np.nan)
-    if "phase" in names:
-        phase = _column(heads, lines, "phase", "rad")
-    sd = _deviation(heads, lines, "amplitude", "m", amplitude)
-    return VibrationTest(name, targets, axes, speed, amplitude, phase, order, sd)
-
-
-def _is(heads, name: str, si: str) -> bool:
-    """Whether a column has a unit of this dimension."""
-    unit = dict(heads)[name]
-    try:
-        return bool(unit) and factor(unit, si) > 0
-    except SceneError:
-        return False

@@ -21,13 +21,16 @@ may stand between the cells, with decimal commas in them.
 
 import dataclasses
 import os
+from collections.abc import Sequence
 
 import numpy as np
 
 from .._core.display import RPM
+from .._core.words import nearest
 from ..balancing import trial_influence
 from ..balancing.interface import Influence, InfluenceRow
-from ._cells import cell_number, header_cell, lines_of, read_cells
+from ._settings import known_name, settings_of
+from ._table_text import Head, TableText, cell_number, read_table_text
 from ._text import SceneError, reading
 from ._units import factor
 
@@ -38,6 +41,7 @@ _EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],ang
 _INITIAL = "initial"
 # A run at low speed, whose readings are of the surface and not of vibration.
 _RUN_OUT = "run-out"
+_FEW = 8  # runs that a message lists
 _KEPT = {"yes": True, "no": False, "": False}
 # Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
 _SMALLEST, _LARGEST = 1e-30, 1e30
@@ -51,14 +55,15 @@ def read_measurements(path: str | os.PathLike) -> Influence:
             dimension, a reading that is missing or given twice. It names file, line and column.
     """
     with reading(os.fspath(path)):
-        return _measured(read_cells(path))
+        return _measured(read_table_text(path))
 
 
-def _measured(lines) -> Influence:
-    if not lines:
-        raise SceneError("", "is empty")
-    table = _Table(lines[0])
-    for number, line in lines_of(lines[1:], len(table.units)):
+def _measured(text: TableText) -> Influence:
+    if not text.heads:
+        raise SceneError("", f'is empty; a header is "{_EXAMPLE}"')
+    settings_of(text.settings)
+    table = _Table(text.heads)
+    for number, line in text.rows:
         cell = table.cells(number, line)
         table.take_reading(number, cell)
         if cell["run"] not in (_INITIAL, _RUN_OUT):
@@ -92,6 +97,7 @@ class _Table:
                 raise SceneError(f"line {number}.{column}", "must be printable", text)
         if not cell["run"] or not cell["target"]:
             raise SceneError(f"line {number}", "needs a run and a target")
+        cell["run"] = known_name(cell["run"], (_INITIAL, _RUN_OUT)) or cell["run"]
         return cell
 
     def take_reading(self, number: int, cell: dict[str, str]) -> None:
@@ -114,6 +120,12 @@ class _Table:
     def take_trial(self, number: int, cell: dict[str, str]) -> None:
         """The trial weight of a line's run, which all lines of the run repeat."""
         run = cell["run"]
+        if not cell["trial"]:
+            problem = (
+                f'is empty: only the run "{_INITIAL}", as the machine is, and "{_RUN_OUT}" have no '
+                f'trial weight; write "{_INITIAL}" for "{run}" if it is that one'
+            )
+            raise SceneError(f"line {number}.trial", problem)
         size, angle = (_number(cell, column, self.scale, number) for column in ("trial", "angle"))
         trial = size * np.exp(1j * angle)
         if trial == 0:
@@ -129,7 +141,7 @@ class _Table:
     def check_runs(self) -> None:
         """Take off the run-out; every run must read what the initial one does."""
         if _INITIAL not in self.readings:
-            raise SceneError("run", f'has no line "{_INITIAL}"')
+            raise SceneError("run", self._without_initial())
         if not self.trials:
             raise SceneError("run", "has no run with a trial weight")
         keys = self.readings[_INITIAL].keys()
@@ -138,6 +150,16 @@ class _Table:
             for target, speed in keys ^ self.readings[run].keys():
                 at = f"{target} at {speed * RPM:.6g} rpm"
                 raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
+
+    def _without_initial(self) -> str:
+        """What a table without the first run lacks, in words."""
+        runs = ", ".join(list(self.readings)[:_FEW])
+        near = nearest(_INITIAL, self.readings)
+        meant = "" if near is None else f'; write "{_INITIAL}" for "{near}"'
+        return (
+            f'has no line "{_INITIAL}", which is the reading as the machine is, without any trial '
+            f"weight; the runs of the table are {runs or 'none'}{meant}"
+        )
 
     def influence(self) -> Influence:
         """The influence coefficients of the planes."""
@@ -170,16 +192,17 @@ def _take_off(readings, targets) -> None:
             own[key] -= by_target.get(key[0], 0.0)
 
 
-def _header(cells) -> dict[str, str]:
+def _header(heads: Sequence[Head]) -> dict[str, str]:
+    """Units of the columns by their names."""
     units = {}
-    for cell in cells:
-        known = header_cell(cell)
-        name = known[0].lower() if known else cell
-        if known is None or name not in (*_COLUMNS, *_OPTIONAL):
-            raise SceneError(cell.strip(), f'is an unknown column; known are those of "{_EXAMPLE}"')
+    for head in heads:
+        name = known_name(head.name, (*_COLUMNS, *_OPTIONAL))
+        if name is None:
+            problem = f'is an unknown column; known are those of "{_EXAMPLE}"'
+            raise SceneError(head.name, problem)
         if name in units:
             raise SceneError(name, "is there twice")
-        units[name] = known[1]
+        units[name] = head.unit
     for name in _COLUMNS:
         if name not in units:
             raise SceneError(name, f'is a missing column; a header is "{_EXAMPLE}"')

@@ -16,7 +16,6 @@ with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `
 """
 
 import os
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -26,23 +25,45 @@ from .._core.words import did_you_mean
 from ..study import Identification, Readings, design_rules
 from ..study.interface import MEASURED, CommonFactor, list_length, terms_of, varied
 from ..study.rating import RATINGS, ZERO, Rating
-from ._cells import cell_number, header_cell, lines_of, read_cells
 from ._change import with_machine
+from ._columns import Columns
 from ._scene import Scene
+from ._settings import (
+    bare_name,
+    known_name,
+    measure_setting,
+    settings_of,
+    span_setting,
+    word_setting,
+)
+from ._table_text import TableText, cell_number, read_table_text
 from ._text import SceneError, reading
-from ._units import factor, scale
+from ._units import scale
 from .map_formats import read_energyplus, read_tespy
 
 # Temperatures, and differences of temperatures, which no zero point shifts.
 _LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
 _DIFFERENCES = ("superheat", "subcooling", "useful_superheat")
-_CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
-_VALUE = re.compile(r"\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([^\s;,(]*)")
-_RANGE = re.compile(r"\s*([-+]?[\d.]+)\s*to\s*([-+]?[\d.]+)\s*([^\s;,(]*)")
-_SD = re.compile(r"\s*sd\((\w+)\)\s*\[(.*)\]\s*")
+CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
+# Settings of files of points and polynomials, beside those of any file.
+MAP_SETTINGS = (*CONDITIONS, "rating")
+# SI units of their columns, and those of examples in messages.
+_UNITS = dict.fromkeys((*_LEVELS, *_DIFFERENCES), "K") | {"speed": "rad/s"}
+_UNITS |= {name: unit for name, (unit, *_) in MEASURED.items()}
+_EXAMPLES = _UNITS | dict.fromkeys((*_LEVELS, "discharge_temperature"), "degC") | {"speed": "rpm"}
+# Settings as they usually are, for messages.
+_USUAL = dict.fromkeys(_LEVELS, "18.3 degC") | {"speed": "1450 rpm"}
+# A whole head of a map, for messages.
+MAP_HEAD = (
+    "evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]"
+)
 _ALIASES = {"ari": "ahri540", "ahri": "ahri540", "ari540": "ahri540", "en": "en12900"}
 # Points of a polynomial by default, and how close condensing may come to evaporating [K].
 _GRID, _CLOSEST = (5, 4), 15.0
+# Conditions of which a polynomial has a range.
+_RANGES = ("evaporating", "condensing")
+# [K] Beyond them nothing evaporates or condenses in a machine.
+_COLDEST, _HOTTEST = 100.0, 700.0
 
 
 def read_readings(
@@ -73,99 +94,51 @@ def read_readings(
         with reading(path):
             return sampled(name, metadata, at, *over)
     with reading(os.fspath(path)):
-        metadata, lines = split_metadata(read_cells(path))
-        if not lines:
-            raise SceneError("", "has no line of heads")
-        if lines[0][0].strip() == "quantity":
-            return _polynomial(name, metadata, lines, evaporating, condensing, speed)
-        return _table(name, metadata, lines)
+        return map_readings(name, read_table_text(path), evaporating, condensing, speed)
 
 
-def split_metadata(lines) -> tuple[dict[str, str], list[list[str]]]:
-    """Metadata of the lines with `#`, and the other lines."""
-    metadata, rest = {}, []
-    for line in lines:
-        if line[0].lstrip().startswith("#"):
-            key, _, value = ",".join(line).lstrip("# ").partition("=")
-            metadata[key.strip()] = value.strip()
-        else:
-            rest.append(line)
-    return metadata, rest
+def map_readings(
+    name: str,
+    table: TableText,
+    evaporating: Sequence[float] | None = None,
+    condensing: Sequence[float] | None = None,
+    speed: float | None = None,
+) -> Readings:
+    """The points of a table of readings, or of one of polynomials; see `read_readings`."""
+    if not table.heads:
+        raise SceneError("", f'has no line of heads; a map has "{MAP_HEAD}"')
+    metadata = settings_of(table.settings, MAP_SETTINGS)
+    if bare_name(table.heads[0].name) == "quantity":
+        return _polynomial(name, metadata, table, evaporating, condensing, speed)
+    return _points(name, metadata, table)
 
 
-def _table(name: str, metadata: Mapping[str, str], lines) -> Readings:
-    scales: dict[str, tuple[float, float, bool]] = {}
-    for cell in lines[0]:
-        what, of_unit = _head(cell)
-        if what in scales:
-            raise SceneError(cell.strip(), "is there twice")
-        scales[what] = of_unit
-    rows = [
-        [
-            cell_number(text, f"line {n}.{what}", np.nan)
-            for what, text in zip(scales, line, strict=True)
-        ]
-        for n, line in lines_of(lines[1:], len(scales))
-    ]
-    if not rows:
+def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Readings:
+    known = (*CONDITIONS, *MEASURED)
+    columns = Columns(table, known, (), _EXAMPLES, deviations=True, temperatures=_LEVELS)
+    if not len(columns):
         raise SceneError("", "has no points")
-    columns = {
-        what: np.array(column) * size + zero
-        for (what, (size, zero, _)), column in zip(
-            scales.items(), zip(*rows, strict=True), strict=True
-        )
-    }
-    values = {what: columns[what] for what in columns if what in MEASURED}
+    numbers = {what: columns.values(what, si) for what, si in _UNITS.items() if what in columns}
+    values = {what: numbers[what] for what in columns.names if what in MEASURED}
     if not values:
         raise SceneError("", f"measures nothing; known are {', '.join(MEASURED)}")
     deviations = {}
-    for what, (_, _, relative) in scales.items():
-        if what.startswith("sd "):
-            measured = what[3:]
-            if measured not in values:
-                raise SceneError(f"sd({measured})", f"needs a column {measured}")
-            share = np.abs(values[measured]) if relative else 1.0
-            deviations[measured] = columns[what] * share
-    conditions = {k: columns[k] for k in _CONDITIONS if k in columns}
-    return _readings(name, metadata, conditions, len(rows), values, deviations)
-
-
-def _head(cell: str) -> tuple[str, tuple[float, float, bool]]:
-    """Name of a column; size of its unit, its zero, and whether it is relative."""
-    if match := _SD.fullmatch(cell):
-        what, unit = match[1], match[2].strip()
-        if what not in MEASURED:
-            near = did_you_mean(what, MEASURED)
-            raise SceneError(cell.strip(), f"is of an unknown quantity{near}")
-        if unit == "%":
-            return f"sd {what}", (0.01, 0.0, True)
-        si = MEASURED[what][0]
-        return f"sd {what}", (*scale(unit, si, False, f"sd({what})", unit), False)
-    known = header_cell(cell)
-    what, unit = (known[0], known[1]) if known else (cell.strip(), "")
-    if what not in (*_CONDITIONS, *MEASURED):
-        near = did_you_mean(what, (*_CONDITIONS, *MEASURED))
-        raise SceneError(cell.strip(), f"is an unknown column{near}")
-    if not unit:
-        raise SceneError(what, f'needs its unit in the head, as in "{what} [{_usual(what)}]"')
-    return what, (*_scale(what, unit), False)
-
-
-def _usual(what: str) -> str:
-    if what in _LEVELS or what == "discharge_temperature":
-        return "degC"
-    return "K" if what in _DIFFERENCES else "rpm" if what == "speed" else MEASURED[what][0]
+    for what in MEASURED:
+        if f"sd({what})" in columns and what not in values:
+            raise SceneError(f"sd({what})", f"needs a column {what}")
+        if what in values:
+            deviation = columns.deviations(what, MEASURED[what][0], values[what])
+            deviations |= {} if deviation is None else {what: deviation}
+    conditions = {what: numbers[what] for what in CONDITIONS if what in columns}
+    return _readings(name, metadata, conditions, len(columns), values, deviations)
 
 
 def _scale(what: str, unit: str) -> tuple[float, float]:
     """Size of a unit in SI, and its zero."""
+    if what == "speed" and unit.lower() in ("hz", "1/s"):
+        return 2 * np.pi, 0.0
     level = what in _LEVELS or what == "discharge_temperature"
-    if level or what in _DIFFERENCES:
-        return scale(unit, "K", level, what, unit)
-    if what == "speed":
-        turns = unit.lower() in ("hz", "1/s")
-        return (2 * np.pi if turns else factor(unit, "rad/s", what, unit)), 0.0
-    return factor(unit, MEASURED[what][0], what, unit), 0.0
+    return scale(unit, _UNITS[what], level, what, unit)
 
 
 def _readings(
@@ -183,14 +156,15 @@ def _readings(
         if one not in conditions and other not in conditions:
             problem = f"or {other} must be given: capacity and flow mean nothing without"
             raise SceneError(one, problem)
+    for key, column in conditions.items():
+        if key != "speed" and np.isnan(column).any():
+            raise SceneError(key, "must be given at every point, and has an empty cell")
     S, D = conditions["evaporating"], conditions["condensing"]
-    if np.isnan([S, D]).any():
-        raise SceneError("evaporating", "and condensing must be given at every point")
     gas = conditions["return_gas"] if "return_gas" in conditions else S + conditions["superheat"]
     liquid = conditions["liquid"] if "liquid" in conditions else D - conditions["subcooling"]
     useful = S + conditions["useful_superheat"] if "useful_superheat" in conditions else gas
     speed = conditions.get("speed", np.full(count, np.nan))
-    fluid = metadata.get("fluid", "")
+    fluid = word_setting(metadata, "fluid")
     given = (S, D, gas, liquid, useful, speed, values, deviations)
     made = bends is not None
     return Readings(name, *given, polynomial=made, fluid=fluid, bends=bends or ())
@@ -201,16 +175,18 @@ def _conditions_of(
 ) -> dict[str, np.ndarray]:
     """[SI] Conditions that the metadata has for all points; a range belongs to a polynomial."""
     found = {}
-    for key in _CONDITIONS:
-        match = _VALUE.match(metadata.get(key, ""))
-        if not match or _RANGE.match(metadata[key]):
+    for key in CONDITIONS:
+        if key not in metadata:
             continue
+        if span_setting(metadata, key) is not None:
+            if key not in _RANGES:
+                raise SceneError(key, "must be one value, and no range", metadata[key])
+            continue  # of a polynomial
+        number, unit = measure_setting(metadata, key, _USUAL.get(key, "5 K"))
         if key in columns:
             raise SceneError(key, "is given in a column and in the metadata; one must go")
-        if not match[2]:
-            raise SceneError(key, f'needs its unit, as in "{key} = {match[1]} {_usual(key)}"')
-        size, zero = _scale(key, match[2])
-        found[key] = np.full(count, float(match[1]) * size + zero)
+        size, zero = _scale(key, unit)
+        found[key] = np.full(count, number * size + zero)
     return found
 
 
@@ -218,7 +194,7 @@ def _rated(metadata: Mapping[str, str]) -> dict[str, str]:
     """Return gas and liquid of a rating that the metadata names."""
     if "rating" not in metadata:
         return {}
-    name = metadata["rating"].strip().lower()
+    name = word_setting(metadata, "rating").lower()
     name = _ALIASES.get(name, name)
     known = [one for one in RATINGS if one != "file"]
     if name not in known:
@@ -234,7 +210,7 @@ def metadata_of(rating: Rating) -> dict[str, str]:
     """Return gas and liquid as metadata."""
     out = {}
     for key, value in rating._asdict().items():
-        if key in _CONDITIONS:
+        if key in CONDITIONS:
             level = key in _LEVELS
             if value is not None:
                 shown = float(value) - ZERO * level
@@ -242,19 +218,26 @@ def metadata_of(rating: Rating) -> dict[str, str]:
     return out
 
 
-def _polynomial(name, metadata, lines, evaporating, condensing, speed) -> Readings:
-    count = len(lines[0]) - 2
+def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed) -> Readings:
+    count = len(table.heads) - 2
+    if count not in (10, 20, 30):
+        raise SceneError("quantity", "must have 10, 20 or 30 coefficients behind it", count)
+    if not table.rows:
+        raise SceneError("quantity", f"has no line; a line has {', '.join(MEASURED)}")
     rows = {}
-    for number, line in lines_of(lines[1:], count + 2):
-        what, unit = line[0].strip(), line[1].strip()
-        if what not in MEASURED:
-            near = did_you_mean(what, MEASURED)
-            raise SceneError(f"line {number}.quantity", f'"{what}" is unknown{near}')
-        row = [cell_number(text, f"line {number}.{what}", np.nan) for text in line[2:]]
-        if count not in (10, 20, 30) or np.isnan(row).any():
-            raise SceneError(f"line {number}", "must have 10, 20 or 30 coefficients", count)
+    for number, line in table.rows:
+        given, unit = line[0].strip(), line[1].strip()
+        what = known_name(given, MEASURED)
+        if what is None:
+            near = did_you_mean(given, MEASURED)
+            raise SceneError(f"line {number}.quantity", f'"{given}" is unknown{near}')
+        if what in rows:
+            raise SceneError(f"line {number}.quantity", f"{what} is there twice")
+        if not unit:
+            raise SceneError(f"line {number}.unit", f"must be a unit, such as {_EXAMPLES[what]}")
+        row = np.array([cell_number(text, f"line {number}.{what}") for text in line[2:]])
         size, zero = _scale(what, unit)
-        rows[what] = np.array(row) * size
+        rows[what] = row * size
         rows[what][0] += zero  # the constant comes first in all forms
     return sampled(name, metadata, rows, evaporating, condensing, speed)
 
@@ -310,16 +293,30 @@ def _grid(metadata: Mapping[str, str], evaporating, condensing) -> tuple[np.ndar
     sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
     for key, given, points in sides:
         if given is None:
-            match = _RANGE.match(metadata.get(key, ""))
-            if match is None:
-                raise SceneError(key, "has no range in the metadata; give the temperatures to take")
-            size, zero = _scale(key, match[3] or "degC")
-            ends = (float(match[1]) * size + zero, float(match[2]) * size + zero)
-            given = np.linspace(*ends, points)
+            given = np.linspace(*_ends(metadata, key), points)
         axes.append(np.asarray(given, float))
     S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     apart = D - S > _CLOSEST
+    if not apart.any():
+        problem = f"and condensing leave no point {_CLOSEST:g} K apart; give other temperatures"
+        raise SceneError("evaporating", problem)
     return S[apart], D[apart]
+
+
+def _ends(metadata: Mapping[str, str], key: str) -> tuple[float, float]:
+    """[K] Range of a temperature in the metadata."""
+    span = span_setting(metadata, key)
+    if span is None:
+        problem = "has no range in the metadata; give the temperatures to take"
+        raise SceneError(key, problem, metadata.get(key))
+    size, zero = _scale(key, span.unit or "degC")
+    low, high = span.low * size + zero, span.high * size + zero
+    if not low < high:
+        raise SceneError(key, "must be a range that rises", metadata[key])
+    if not (low > _COLDEST and high < _HOTTEST):
+        bound = f"must lie within {_COLDEST - ZERO:g} and {_HOTTEST - ZERO:g} degC"
+        raise SceneError(key, bound, metadata[key])
+    return low, high
 
 
 def _bends(what: str, value, warmer, hotter, S, D) -> Iterator[str]:

@@ -84,4 +84,4 @@ def test_a_table_without_frequencies_is_refused(tmp_path):
     file.write_text("f\n100\n")
     answer = run(file, "--variable", "rotor.shafts.3.young_modulus")
     assert answer.exit_code == 2
-    assert "f: is neither a quantity" in " ".join(answer.stderr.split())
+    assert 'heads = "f": are those of no kind of table' in " ".join(answer.stderr.split())

@@ -1,5 +1,6 @@
 """Measurements over the crank angle, and tables of quantities at several conditions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -82,6 +83,10 @@ class Trace(AbstractMeasurement):
             raise BadInput(f"{self.source}: gas", type(gas).__name__, bound)
         for path, value in zip(self.paths, self.settings, strict=True):
             variable(machine, path, value, value)
+        if "speed" in self.quantities:
+            speed = self.measured[self.quantities.index("speed")]
+            if (speed <= 0).any():
+                raise BadInput(f"{self.source}: speed", float(np.nanmin(speed)), "above 0")
         if compressor.crankshaft.count > 1:
             raise BadInput(
                 f"{self.source}: cylinders", compressor.crankshaft.count, "1 for a trace"
@@ -102,13 +107,7 @@ class Trace(AbstractMeasurement):
 
     def entries(self, sd):
         shape = self.measured.shape
-        size = np.ptp(self.measured, axis=1)
-        for row, name in enumerate(self.quantities):
-            size[row] = (
-                usual(name, sd, 0.001) * np.mean(self.measured[row])
-                if name == "speed"
-                else usual(name, sd, 0.01) * size[row]
-            )
+        size = np.array([self._usual_deviation(row, sd) for row in range(shape[0])])
         # Neighbours on a trace err alike: wider deviations let it count as `independent` readings.
         many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
         deviation = given_or_usual(self.sd, np.broadcast_to(size[:, None], shape)) * many
@@ -124,6 +123,29 @@ class Trace(AbstractMeasurement):
             {"crank_angle": self.angle[columns]},
             {"crank_angle": "rad"},
         )
+
+    def _usual_deviation(self, row: int, sd: Mapping[str, float]) -> float:
+        """[SI] Standard deviation of the samples of a quantity that give none.
+
+        Raises:
+            BadInput: nothing was measured, or zero alone, of which no share is a deviation.
+        """
+        name = self.quantities[row]
+        there = np.isfinite(self.measured[row])
+        samples = self.measured[row][there]
+        if not samples.size:
+            raise BadInput(f"{self.source}: {name}", "empty", "measured at one angle at least")
+        if self.sd is not None and np.isfinite(self.sd[row][there]).all():
+            return np.nan  # every sample has its own
+        share = usual(name, sd, 0.001 if name == "speed" else 0.01)
+        size = np.mean(samples) if name == "speed" else np.ptp(samples)
+        if size == 0:
+            # a flat line has no range; a sensor errs by a share of what it shows all the same
+            size = np.abs(samples).max()
+        if not size > 0:
+            bound = f"other than 0 somewhere, or with a column sd({name})"
+            raise BadInput(f"{self.source}: {name}", float(size), bound)
+        return share * float(size)
 
     def points(self, machine):
         del machine

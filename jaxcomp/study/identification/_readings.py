@@ -1,5 +1,6 @@
 """Rated points of a compressor as they were measured, or as the polynomials of a maker give them."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -29,6 +30,8 @@ MEASURED = {
 # Root mean square difference of capacity over flow from the rise of enthalpy, beyond which they
 # contradict each other.
 _CONTRADICTION = 0.03
+# [K] Gas that is hotter, or liquid that is colder, comes to no compressor.
+_MOST_SUPERHEAT, _MOST_SUBCOOLING = 200.0, 100.0
 # Speeds closer together than this are one.
 _SAME_SPEED = 1e-3
 
@@ -114,7 +117,7 @@ class Readings(AbstractMeasurement):
 
     def check_points(self, fluid: RealGas) -> None:
         """Refuse points that cannot be with a fluid, see `check`."""
-        if self.fluid and self.fluid.lower() != fluid.name.lower():
+        if self.fluid and _bare(self.fluid) != _bare(fluid.name):
             bound = f"{fluid.name} as the machine; set gas.fluid.name to identify with another"
             raise BadInput(f"{self.source}: fluid", self.fluid, bound)
         top = fluid.data["T_critical"]
@@ -126,8 +129,16 @@ class Readings(AbstractMeasurement):
             if self.gas[n] < self.evaporating[n] or self.useful[n] < self.evaporating[n]:
                 bound = f"at least the evaporating temperature, {self.evaporating[n] - ZERO:.4g} C"
                 raise BadInput(f"{at}: gas [C]", self.gas[n] - ZERO, bound)
+            hottest = min(self.evaporating[n] + _MOST_SUPERHEAT, fluid.data["T_most"])
+            if self.gas[n] > hottest or self.useful[n] > hottest:
+                bound = f"at most {hottest - ZERO:.4g} C"
+                raise BadInput(f"{at}: gas [C]", max(self.gas[n], self.useful[n]) - ZERO, bound)
             if self.liquid[n] > self.condensing[n] + 1e-9:
                 raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, "at most condensing")
+            coldest = max(self.condensing[n] - _MOST_SUBCOOLING, fluid.data["T_least"])
+            if self.liquid[n] < coldest:
+                bound = f"at least {coldest - ZERO:.4g} C"
+                raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, bound)
         rows = np.stack([self.evaporating, self.condensing, self.gas, np.nan_to_num(self.speed)])
         _, first, count = np.unique(rows.round(6), axis=1, return_index=True, return_counts=True)
         if (count > 1).any():
@@ -135,8 +146,21 @@ class Readings(AbstractMeasurement):
             raise BadInput(
                 f"{self.source}: points", twice, "there once; give the mean of repeated ones"
             )
+        self._check_measured()
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
+
+    def _check_measured(self) -> None:
+        """Refuse speeds and readings that no compressor has."""
+        least = {name: np.zeros(self.evaporating.size) for name in self.measured}
+        if "discharge_temperature" in least:
+            least["discharge_temperature"] = self.evaporating
+        for name, values in {**self.measured, "speed": self.speed}.items():
+            low = least.get(name, np.zeros(self.evaporating.size))
+            for n in np.flatnonzero(values <= low):
+                unit = MEASURED[name][0] if name in MEASURED else "rad/s"
+                at = f"{self.source}: point {self.names[n]}: {name} [{unit}]"
+                raise BadInput(at, values[n], f"above {low[n]:.4g}")
 
     def entries(self, sd):
         rows = [
@@ -239,6 +263,11 @@ class Readings(AbstractMeasurement):
             f"{best} leave {pairs[best]:.1%}"
         )
         raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
+
+
+def _bare(fluid: str) -> str:
+    """Name of a fluid without what does not tell fluids apart: R22 is R-22."""
+    return re.sub(r"[\s_-]+", "", fluid).lower()
 
 
 def with_own_factors(readings: Sequence[AbstractMeasurement]) -> list[AbstractMeasurement]:

@@ -4,9 +4,11 @@ from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from ..._core.errors import BadInput
@@ -22,6 +24,9 @@ from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, us
 _DEGREE = np.pi / 180
 # Distinct frequencies are further apart than this, relative; closer ones are a pair.
 _PAIR = 1e-3
+# Squares of modes where a shape was measured below this share of the largest are rounding.
+_SEEN = 1e-12
+_RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,7 @@ class ModalTest(AbstractMeasurement):
         nodes, axes: (d,) where and along which axis ("ux") the shapes were measured.
         shape: (k, d) in any unit; not a number for a mode without.
         sd: [rad/s] (k,) standard deviations of the frequencies; 0.5 % if absent.
+        skipped: what the file has and is not read, in words.
     """
 
     USUAL: ClassVar[float] = 0.005
@@ -51,6 +57,7 @@ class ModalTest(AbstractMeasurement):
     axes: tuple[str, ...] = ()
     shape: NDArray | None = field(compare=False, default=None)
     sd: NDArray | None = field(compare=False, default=None)
+    skipped: tuple[str, ...] = field(compare=False, default=())
 
     def _rotor(self, machine: Machine):
         rotor = assembled(machine).rotor
@@ -107,6 +114,11 @@ class ModalTest(AbstractMeasurement):
         assert self.shape is not None
         return self.shape / np.nanmax(np.abs(self.shape), axis=1, keepdims=True)
 
+    def warnings(self, used, beside):
+        """What the file has and was not read."""
+        del used, beside
+        return [*self.skipped]
+
     def points(self, machine):
         numbers = self._distinct(machine)[np.array(self.modes) - 1]
         shape = np.zeros((len(self.modes), 0)) if self.shape is None else self._normed()
@@ -123,17 +135,48 @@ class ModalTest(AbstractMeasurement):
         given = jnp.where(known, measured, 0.0)
         product = given @ shapes.T  # (k, modes)
         square = known.astype(float) @ (shapes.T**2)
+        # Of a mode that does not move where it was measured, as torsion, rounding alone is left.
+        seen = square > _SEEN * jnp.max(square, axis=1, keepdims=True)
         if self.nodes:
             # The modal assurance criterion but for the reading's own square, the same for all modes.
-            fixed = lax.stop_gradient(product**2 / jnp.where(square > 0, square, 1.0))
+            fixed = lax.stop_gradient(product**2 / jnp.where(seen, square, 1.0))
             elastic = found.frequency > 1e-3 * found.frequency[-1]
-            best = jnp.argmax(jnp.where(elastic, fixed, -1.0), axis=1)
+            best = jnp.argmax(jnp.where(elastic & seen, fixed, -1.0), axis=1)
             numbers = jnp.where(jnp.any(known, axis=1), best, numbers)
-        # a pair of equal frequencies has any shape of its plane: the part of the reading that lies in it
         near = jnp.abs(found.frequency / found.frequency[numbers][:, None] - 1) < _PAIR
-        share = jnp.where(near, product / jnp.where(square > 0, square, 1.0), 0.0)
-        values = jnp.concatenate([found.frequency[numbers], (share @ shapes).ravel()])
+        projected = jax.vmap(_projected, in_axes=(0, 0, 0, None))(given, known, near & seen, shapes)
+        values = jnp.concatenate([found.frequency[numbers], projected.ravel()])
         return values, jnp.all(jnp.isfinite(values))
+
+
+def _projected(
+    reading: Float[Array, " d"],
+    known: Bool[Array, " d"],
+    chosen: Bool[Array, " modes"],
+    shapes: Float[Array, "modes d"],
+) -> Float[Array, " d"]:
+    """The part of a reading that lies in the plane of some modes, by least squares.
+
+    A pair of equal frequencies has any shape of its plane. Measured along one axis both of its modes are
+    the same shape, and least squares does not count that twice.
+
+    Args:
+        reading: (d,) shape, zero where it was not measured.
+        known: (d,) where it was.
+        chosen: (modes,) which modes span the plane.
+        shapes: (modes, d)
+
+    Returns:
+        (d,) of the model, also where nothing was measured.
+    """
+    basis = jnp.where(chosen[:, None] & known, shapes, 0.0)
+    gram = basis @ basis.T
+    size = jnp.trace(gram)
+    size = jnp.where(size > 0, size, 1.0)
+    # Two modes that are one at these places make it singular; what is added changes 1e-10 of a shape.
+    ridge = _RIDGE * size * jnp.eye(gram.shape[0])
+    share = jnp.linalg.solve(gram + ridge, basis @ reading)
+    return share @ jnp.where(chosen[:, None], shapes, 0.0)
 
 
 @dataclass(frozen=True)
