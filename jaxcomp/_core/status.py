@@ -2,6 +2,8 @@
 
 import equinox as eqx
 import jax
+import numpy as np
+from jaxtyping import Int
 
 
 class Status(eqx.Enumeration):
@@ -26,10 +28,10 @@ class Status(eqx.Enumeration):
         "small"
     )
     unresolved = (
-        "the nodes do not resolve the revolution: its duration or its losses are not known to 0.1 % "
-        "(of the work), its energy does not close to 1e-5, or its fluctuation of speed is not known to "
-        "2 %; take more nodes (--solver collocation:16), or more inertia or speed where the crank all "
-        "but halts"
+        "the nodes do not resolve the revolution: its duration is not known to 0.1 %, the stated error "
+        "of its losses is above 1 % of the work, its energy does not close to 1e-5, or its fluctuation "
+        "of speed is not known to 2 %; take more nodes (--solver collocation:16), or more inertia or "
+        "speed where the crank all but halts"
     )
     too_many_events = (
         "the valves make more events in a revolution than there are panels; take more panels (--cycle "
@@ -51,6 +53,46 @@ class Status(eqx.Enumeration):
         "give it more viscosity, width or speed, or less clearance or load, such as with `least_film` as "
         "a constraint of `optimise`, or a `contact`, which carries there"
     )
+    near_locking = (
+        "the friction is about to lock the joints: their margin is below a twentieth, where losses are "
+        "many times the forces that cause them and no number of nodes or iterations resolves them; lower "
+        "the coefficients of friction or the tilt of the connecting rod"
+    )
+
+
+# A result that cannot be relied on though every solver converged: a response without a solution, or
+# numbers that are not finite.
+UNNAMED = -1
+
+
+def status_names() -> list[str]:
+    """Names of the outcomes, each at the place of its code."""
+    # equinox lists them nowhere else
+    return list(Status._name_to_item)  # noqa: SLF001  # pyright: ignore
+
+
+def names_of_codes(
+    codes: Int[np.ndarray, "*batch"], names: list[str] | None = None
+) -> Int[np.ndarray, "*batch"]:
+    """Names of outcomes by their codes; "failed" for `UNNAMED`.
+
+    Args:
+        codes: of `Status`, or `UNNAMED`.
+        names: by code, of the version that made the codes; those of this one if absent.
+    """
+    words = np.asarray([*(names or status_names()), "failed"])
+    return words[np.asarray(codes, int)]
+
+
+def status_meaning(name: str) -> str:
+    """What an outcome means and what to do about it, by its name.
+
+    Args:
+        name: of a `Status`, or "failed".
+    """
+    if name not in status_names():
+        return "a response without a solution, or numbers that are not finite"
+    return Status[getattr(Status, name)]
 
 
 class SolveFailed(RuntimeError):

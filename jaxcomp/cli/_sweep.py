@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 
 import jaxcomp as jc
@@ -20,6 +21,8 @@ from ._tables import row_table
 
 # Designs up to which a table has a row each.
 _ROWS = 40
+# Failed designs that are listed.
+_FAILED = 10
 # A word and no number: a sweep of its own for each of its values.
 _LAYOUT = "crankshaft.layout"
 
@@ -114,9 +117,13 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
 
 
 def _values_of_each(found) -> dict[str, dict[str, Any]]:
-    """The quantities of all designs of each layout."""
-    parts = jc.study.sweep.interface.machine_parts(found, _LAYOUT).items()
-    return {name: {str(q): one.values for q, one in part.data_vars.items()} for name, part in parts}
+    """The quantities of all designs of each layout, and how each ended."""
+    of = jc.study.sweep.interface
+    values = {}
+    for name, part in of.machine_parts(found, _LAYOUT).items():
+        own = {asked: part[asked].values for asked in (*of.quantity_names(part), "ok")}
+        values[name] = own | {"status": of.status_words(part)}
+    return values
 
 
 def layouts_tables(found, result: dict[str, Any]) -> Iterator[Any]:
@@ -124,7 +131,7 @@ def layouts_tables(found, result: dict[str, Any]) -> Iterator[Any]:
     rows, parts = [], jc.study.sweep.interface.machine_parts(found, _LAYOUT)
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
-        for asked in (str(one) for one in part.data_vars if one != "ok"):
+        for asked in jc.study.sweep.interface.quantity_names(part):
             look = jc.study.sweep.interface.shown_column(found, asked)
             ends = (_cell(look, float(end)) for end in (part[asked].min(), part[asked].max()))
             rows.append((name, look.label, *ends, failed or ""))
@@ -209,6 +216,8 @@ def sweep_tables(found, result: dict[str, Any]):
     """Ranges and best designs of the quantities, and the curve or the best curve where there is one."""
     failed = f", {result['failed']:,} failed" if result["failed"] else ""
     yield _summary(found, result, f"{result['scene']}: {result['designs']:,} designs{failed}")
+    if result["failed_by_status"]:
+        yield _failed_table(found, result)
     if result["failed"] == result["designs"]:
         yield f"No design has a result; `jaxcomp run {result['scene']}` states why one fails.\n"
         return
@@ -238,6 +247,34 @@ def _summary(found, result, title):
         cells = (_cell(looks[name], x) for x in (entry["lowest"], middle, entry["highest"]))
         rows.append((looks[name].label, *cells, place))
     table = row_table(title, ("Quantity", "Lowest", "Median", "Highest", "Best at"), rows)
+    table.columns[-1].justify = "left"
+    return table
+
+
+def _failed_table(found, result):
+    """The first of the designs that failed, each with its status, and what the statuses mean."""
+    from .._core.status import status_meaning
+
+    of = jc.study.sweep.interface
+    lost = ~found["ok"].values.ravel()
+    looks = {name: of.shown_column(found, name) for name in result["variables"]}
+    axes = {name: found[name].broadcast_like(found["ok"]) for name in looks}
+    dims = found["ok"].dims
+    columns = [axes[name].transpose(*dims).values.ravel()[lost][:_FAILED] for name in looks]
+    ended = np.asarray(of.status_words(found)).ravel()[lost][:_FAILED]
+    rows = [
+        (*map(_cell, looks.values(), values), str(name).replace("_", " "))
+        for *values, name in zip(*columns, ended, strict=True)
+    ]
+    counts = result["failed_by_status"].items()
+    told = [
+        f"{name.replace('_', ' ')} ({count:,}): {status_meaning(name)}" for name, count in counts
+    ]
+    if result["failed"] > _FAILED:
+        told.append(f"{result['failed'] - _FAILED:,} more are in designs.csv of --out FOLDER")
+    heads = [*(look.label for look in looks.values()), "Status"]
+    table = row_table("Designs that failed", heads, rows, caption="\n".join(told))
+    table.columns[0].justify = "right"
     table.columns[-1].justify = "left"
     return table
 

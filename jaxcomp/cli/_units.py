@@ -15,6 +15,7 @@ _TEXTS = {
     "simulate": "tolerance; power_off [s]",
     "sweep": """
         shape, designs, failed
+        failed_by_status: *
         variables.*: low, high, present, value, values, gradient, nominal, deviation {beside}
         quantities.*: lowest, highest, mean, mean_error, deviation, deviation_error {beside}
         quantities.*: percentiles {beside}; best {named}

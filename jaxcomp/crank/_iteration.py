@@ -110,6 +110,9 @@ class Reversals(eqx.Module):
 
     row: Int[Array, " k"]  # which quantity changes its sign; -1 for a place that is not used
     slope: Float[Array, " k"]  # of that quantity over crank angle
+    # [rad] the kinks known beforehand on both sides of a place, which it does not cross
+    low: Float[Array, " k"]
+    high: Float[Array, " k"]
     moving: Bool[Array, ""]  # whether the places follow the motion, or wait for a first solution
 
 
@@ -324,7 +327,10 @@ def improve(
             # along the slope of the quantity to where it vanishes; unused ones wait at the first edge
             unused = jnp.where(reversals.moving, known.edges[0], places)
             used = reversals.moving & (reversals.row >= 0)
-            moved = jnp.where(used, places - value / reversals.slope, unused)
+            # Not across a kink that is known: behind it the quantity has another slope, or has jumped,
+            # and the place would hop to and fro. Beside it an edge is as good as at the reversal.
+            followed = jnp.clip(places - value / reversals.slope, reversals.low, reversals.high)
+            moved = jnp.where(used, followed, unused)
             better = _carried(known, resolution, grid, (places, moved), better)
     return better, marks, value
 

@@ -38,6 +38,9 @@ _ROUNDS = 3
 _HALVINGS = 16
 # Sign changes of one quantity that are looked at.
 _OF_ONE = 12
+# [rad] What keeps a place off a kink that is known; over less no slope is told, since the errors of the
+# panels' ends count there.
+_ASIDE = 1e-7
 # [rad] Shift of a place from which two iterations tell the slope there.
 _FAR = 1e-11
 
@@ -78,7 +81,8 @@ class OrbitProblem(AbstractFixedPoint):
         places = motion.places
         # none is in use; the motion is the final one if there are no places
         final = jnp.asarray(not places.size)
-        reversals = Reversals(jnp.full(places.shape, -1), jnp.ones_like(places), final)
+        unused = jnp.full(places.shape, -1)
+        reversals = Reversals(unused, jnp.ones_like(places), places, places, final)
         if not places.size:
             return self._on_known_panels(known, reversals, motion)
 
@@ -141,7 +145,8 @@ class OrbitProblem(AbstractFixedPoint):
         grid = self.resolution.panels_between(known.edges, motion.places)
         found = self._find(grid, marks)
         brackets = jax.tree.map(lambda a, b: jnp.where(first, a, b), found, brackets)
-        places, slope, row = _bisect(grid, marks, brackets)
+        places, reversals = _bisect(grid, known.edges, marks, brackets)
+        reversals = eqx.tree_at(lambda r: r.moving, reversals, jnp.asarray(not self.follow))
         new = self.resolution.panels_between(known.edges, places)
         angle = jnp.clip(new.angle, grid.edges[0], grid.edges[-1])
         count = new.angle.size
@@ -160,7 +165,7 @@ class OrbitProblem(AbstractFixedPoint):
             places / PLACE_UNIT,
             journals,
         )
-        return moved, Reversals(row, slope, jnp.asarray(not self.follow)), brackets
+        return moved, reversals, brackets
 
     def _find(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
         """Sign changes inside the panels: the first of the kinks, the sharpest near-zero loads."""
@@ -234,10 +239,21 @@ def _by_secant(reversals: Reversals, before, now) -> Reversals:
     return eqx.tree_at(lambda r: r.slope, reversals, slope)
 
 
-def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
-    """Places, slopes and rows of the reversals, of the panel polynomials of what marks them.
+def _bisect(
+    grid: Panels,
+    known_edges: Float[Array, " e"],
+    marks: Float[Array, "q p s"],
+    brackets: _Brackets,
+):
+    """Places of the reversals, and what else is known of them, by the panel polynomials of what marks them.
 
     A better motion moves them a little: a bracket that has lost its reversal is widened.
+
+    Args:
+        grid: panels of the motion.
+        known_edges: [rad] those of them that are kinks whatever the motion.
+        marks: what marks the reversals, at the nodes of the panels.
+        brackets: where the reversals were seen.
     """
     own = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
 
@@ -273,10 +289,18 @@ def _bisect(grid: Panels, marks: Float[Array, "q p s"], brackets: _Brackets):
     places = low - jnp.where(steep, at_low / jnp.where(steep, near, 1.0), low - grid.edges[0])
     # The halvings may end on an edge of the panels, where the polynomials jump by their own error: the
     # slope there is that of the jump. A wider span tells the slope of the quantity; to the right, since
-    # it is evaluated there, and two reversals at one place make it turn.
-    span = 0.1 * (brackets.high - brackets.low)
+    # it is evaluated there, and two reversals at one place make it turn. Not beyond a known kink: with
+    # the slope behind the end of the re-expansion, a twentieth of that before it, a reversal just
+    # before it hopped to and fro.
+    ahead = known_edges - places[:, None]
+    before = places + jnp.max(jnp.where(ahead <= 0, ahead, -jnp.pi), axis=1) + _ASIDE
+    behind = places + jnp.min(jnp.where(ahead > 0, ahead, jnp.pi), axis=1) - _ASIDE
+    span = jnp.minimum(0.1 * (brackets.high - brackets.low), behind - places)
     beside, after = value(jnp.stack([places + 0.1 * span, places + span]))
-    wide = (after - beside) / jnp.where(steep, 0.9 * span, 1.0)
-    slope = jnp.where(jnp.sign(wide) == jnp.sign(near), wide, near)
+    roomy = steep & (span > _ASIDE)
+    wide = (after - beside) / jnp.where(roomy, 0.9 * span, 1.0)
+    slope = jnp.where(roomy & (jnp.sign(wide) == jnp.sign(near)), wide, near)
     slope = jnp.where(steep, slope, 1.0)
-    return places, slope, jnp.where(steep, brackets.row, -1)
+    row = jnp.where(steep, brackets.row, -1)
+    places = jnp.where(steep, jnp.clip(places, before, behind), places)
+    return places, Reversals(row, slope, before, behind, jnp.asarray(False))

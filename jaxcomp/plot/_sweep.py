@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._core.display import Shown
 from ..study.sweep import best_curve, best_design
-from ..study.sweep.interface import machine_parts, shown_column
+from ..study.sweep.interface import machine_parts, quantity_names, shown_column
 from . import _style as style
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
         title: what was swept.
     """
     figures = {}
-    for name in _quantities(found):
+    for name in quantity_names(found):
         dims, words = found[name].dims, f"{title}: {_drawn(found, name).words.lower()}"
         if dims == ("sample",):
             figures[f"samples-{name}"] = sample_cloud(found, name, words)
@@ -58,7 +58,7 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
         dimension: along which the machines stand.
     """
     machines, figures = [str(one) for one in found[dimension].values], {}
-    for name in _quantities(found):
+    for name in quantity_names(found):
         look = _drawn(found, name)
         heading = f"{title}: {look.words.lower()}"
         figure, ax = style.single((7.2, 4.2), heading)
@@ -234,10 +234,6 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
 def _drawn(found, name: str) -> Shown:
     """How a variable or quantity of a sweep is drawn."""
     return shown_column(found, name).drawn
-
-
-def _quantities(found) -> list[str]:
-    return [str(name) for name in found.data_vars if name != "ok"]
 
 
 def _judged(found, name) -> bool:

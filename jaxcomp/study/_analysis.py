@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.errors import BadInput
 from .._core.fields import admissible
 from .._core.registry import Quantity, registered, registered_quantity
+from .._core.status import Status
 from .._core.words import one_of
 from ..balancing import least_squares
 from ..balancing.interface import Influence, flexibilities, influence_of
@@ -123,6 +124,14 @@ class DesignResult:
         if "influence" in self.__dict__:
             good &= jnp.all(jnp.isfinite(self.influence.initial))
         return good
+
+    @property
+    def status(self) -> Status:
+        """How what was computed so far of the crank ended; a design out of bounds is bad input."""
+        parts = [self.design.compressor, *self.design.parts.values()]
+        good = [admissible(part) for part in parts if part is not None]
+        status = self.orbit.status if "orbit" in self.__dict__ else Status.converged
+        return Status.where(jnp.all(jnp.stack(good)), status, Status.bad_input) if good else status
 
     @property
     def short(self) -> Bool[Array, ""]:

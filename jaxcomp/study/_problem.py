@@ -8,12 +8,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
 from .._core.errors import BadInput, MissingPart
 from .._core.results import Data
-from .._core.status import Status
+from .._core.status import UNNAMED, Status
 from ..crank.interface import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, assembled, machine_of
@@ -57,11 +57,13 @@ class Answer(NamedTuple):
         ok: whether they can be relied on; if not they are finite where the solvers are, and mean
             nothing.
         short: whether twice the panels of the cycle may help, see `with_more_panels`.
+        status: code of the `Status` that tells how it ended, or `UNNAMED`.
     """
 
     values: Float[Array, " quantities"]
     ok: Bool[Array, ""]
     short: Bool[Array, ""]
+    status: Int[Array, ""]
 
 
 class Problem(eqx.Module):
@@ -129,7 +131,10 @@ class Problem(eqx.Module):
             inside &= one.bound.holds(values[number])
         values = jnp.stack([jnp.asarray(value, float) for value in out])
         ok = found.ok & inside & jnp.all(jnp.isfinite(values))
-        return Answer(values, ok, found.short & inside)
+        status = Status.where(inside, found.status, Status.bad_input)
+        unnamed = ~ok & (status == Status.converged)
+        code = jnp.where(unnamed, UNNAMED, status._value)
+        return Answer(values, ok, found.short & inside, code)
 
 
 def problem(

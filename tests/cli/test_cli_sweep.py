@@ -102,11 +102,13 @@ def test_a_line_of_designs_is_listed_and_failures_are_named():
     assert "1 failed" in text
     assert "0.083" in text
     assert "failed" in text.splitlines()[-2]
+    assert "self locking (1): the friction locks the joints" in text
     assert "No design has" not in text
     text = run("--over", "friction.wall.coefficient=40,50", *FAST).stdout
     assert "No design has a result; `jaxcomp run mayekawa-wbhe` states why one fails" in text
     result = found("--over", "friction.wall.coefficient=0.083,40", *FAST)
     assert result["ok"] == [True, False]
+    assert result["status"] == ["converged", "self_locking"]
     assert result["quantities"]["mechanical_efficiency"]["values"][1] is None
 
 

@@ -67,9 +67,10 @@ OTHERS = {
     "halts between the nodes": (machine(motor=MeanSpeed(11.0)), {"unresolved", "stalled"}),
     "friction times 20": (machine(friction=coulomb(20.0)), {"converged"}),
     "friction times 30": (machine(friction=coulomb(30.0)), {"converged"}),
-    # margins of 0.056 and 0.006: the steps on the joint loop do not suffice, and that is said
+    # margins of 0.056 and 0.006: of the second the steps on the joint loop do not suffice, and the lock
+    # that is near is named as the cause
     "close to locking": (machine(friction=coulomb(39.0)), {"converged"}),
-    "at locking": (machine(friction=coulomb(40.5)), {"not_converged", "stalled"}),
+    "at locking": (machine(friction=coulomb(40.5)), {"near_locking", "stalled"}),
     "just locked": (machine(friction=coulomb(40.8)), {"self_locking"}),
     "locked": (machine(friction=coulomb(60.0)), {"self_locking"}),
 }

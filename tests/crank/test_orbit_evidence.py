@@ -1,5 +1,7 @@
 """What an orbit says of itself holds, for every motor and solver; and how large its programs are."""
 
+from pathlib import Path
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,13 +12,17 @@ from jaxcomp import (
     CallableDiagram,
     Collocation,
     ConstantSpeed,
+    CoulombSlide,
     Shooting,
+    SolveFailed,
     load,
     solve_orbit,
     with_bore,
 )
 from jaxcomp._core.fields import replaced
+from jaxcomp._core.status import Status
 from jaxcomp.compressor import instants
+from jaxcomp.crank._solve import _LOSS_ERROR
 from jaxcomp.study import AnalysisOptions, problem
 
 # A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.
@@ -120,6 +126,21 @@ def test_nodes_of_no_weight_are_no_peaks():
     assert float(orbit.largest(jnp.where(empty, jnp.nan, speed))) == highest
 
 
+def test_the_bound_of_the_stated_error_is_told_as_it_is():
+    told = f"above {100 * _LOSS_ERROR:g} % of the work"
+    assert told in Status[Status.unresolved]
+    changes = (Path(__file__).parents[2] / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert told in " ".join(changes.split())
+
+
+def test_a_failure_close_to_locking_names_the_lock():
+    """At margins of 0.017 and 0.008; the second iteration runs away, which looks like a stall."""
+    for coefficient in (5.6, 5.65):
+        near = machine(friction=coulomb(wall=CoulombSlide(coefficient)))
+        with pytest.raises(SolveFailed, match="about to lock the joints"):
+            solve_orbit(near)
+
+
 @pytest.mark.parametrize(
     "solver", [Collocation(), pytest.param(Shooting(), marks=pytest.mark.slow)]
 )
@@ -164,11 +185,12 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are a per cent above what was counted: 4,112, 9,839 and 7,236. Until motors of any
-    stiffness solved they were 3,999, 9,536 and 6,987.
+    The bounds are at most a per cent above what was counted: 4,165, 9,938 and 7,289. Until motors of any
+    stiffness solved they were 3,999, 9,536 and 6,987; until designs whose load reverses beside a kink
+    converged, and failures near the lock were named, 4,112, 9,839 and 7,236.
     """
     design = load("mayekawa-wbhe").machine.compressor
-    assert lines(efficiency, design) < 4_150
+    assert lines(efficiency, design) < 4_210
     assert lines(jax.value_and_grad(efficiency), design) < 9_950
     assert lines(efficiency, with_films(design)) < 7_300
 

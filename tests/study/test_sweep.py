@@ -38,6 +38,7 @@ from jaxcomp.study.sweep._points import (
     neighbours_together,
 )
 from jaxcomp.study.sweep._store import stored_header
+from jaxcomp.study.sweep.interface import columns, status_words, summary
 
 RPM = np.pi / 30
 
@@ -109,6 +110,9 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
         machine, over, ["mechanical_efficiency", "motor_power"], options=sweep_runs.fast_options()
     )
     assert found.ok.values.tolist() == [True, True, False]
+    assert status_words(found).tolist() == ["converged", "converged", "self_locking"]
+    assert summary(found)["failed_by_status"] == {"self_locking": 1}
+    assert columns(found)["status"].tolist() == status_words(found).tolist()
     assert np.isnan(found.mechanical_efficiency.values).tolist() == [False, False, True]
     assert np.isnan(found.motor_power.values[2])
     good = {"friction.wall.coefficient": [0.083, 0.1]}
@@ -124,6 +128,25 @@ def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
     found = sweep(machine, over, options=sweep_runs.fast_options(), out=tmp_path / "out", batch=1)
     assert not found.ok.values.any()
     assert len(blocks(tmp_path / "out")) == 2
+    again = open_sweep(tmp_path / "out")
+    assert status_words(again).tolist() == ["self_locking", "self_locking"]
+
+
+def test_a_store_that_knows_no_status_goes_on(machine, tmp_path):
+    """Those of versions before had none."""
+    over = {"friction.wall.coefficient": [0.083, 40.0, 0.09]}
+    given = machine, over, ["mechanical_efficiency"]
+    options = {"options": sweep_runs.fast_options(), "batch": 1, "progress": False}
+    new = sweep(*given, **options, out=tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "status")
+    there = tmp_path / "out" / "zarr.json"
+    there.write_text(there.read_text().replace('\\"status\\", ', ""))
+    (tmp_path / "out" / "ok" / "c" / "1").unlink()
+    old = sweep(*given, **options, out=tmp_path / "out")
+    assert status_words(old) is None
+    assert summary(old)["failed_by_status"] == {}
+    assert "status" not in columns(old)
+    np.testing.assert_array_equal(old.mechanical_efficiency, new.mechanical_efficiency)
 
 
 def test_functions_and_problems_are_swept_as_well(machine):

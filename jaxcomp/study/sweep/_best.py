@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from ..._core.display import Shown, shown
 from ..._core.errors import BadInput
+from ._store import quantity_names
 
 if TYPE_CHECKING:
     import xarray
@@ -44,8 +45,8 @@ def best_design(found: "xarray.Dataset", name: str) -> dict[str, float] | None:
         return None
     place = np.unravel_index(np.nanargmin(values), values.shape)
     there = found.isel(dict(zip(found[name].dims, place, strict=True)))
-    names = [*(n for n in there.coords if n != "sample"), *there.data_vars]
-    return {str(n): float(there[n]) for n in names if n != "ok"}
+    names = [*(str(n) for n in there.coords if n != "sample"), *quantity_names(there)]
+    return {name: float(there[name]) for name in names}
 
 
 def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:

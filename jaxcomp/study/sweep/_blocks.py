@@ -24,9 +24,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import SingleDeviceSharding
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from ..._core.errors import BadInput
+from ..._core.status import Status
 from .._problem import of_each, solves_gas, with_more_panels
 from ..interface import Answer, Problem
 from ._points import Rows, neighbours_together
@@ -43,6 +44,8 @@ _AHEAD = 2
 
 Device: TypeAlias = Any  # a `jax.Device`, which is no type to a type checker
 Values: TypeAlias = Float[np.ndarray, "designs quantities"]
+# Codes of `Status` or `UNNAMED`, which tell what can be relied on: those that have converged.
+Codes: TypeAlias = Int[np.ndarray, " designs"]
 Ok: TypeAlias = Bool[np.ndarray, " designs"]
 
 
@@ -73,11 +76,11 @@ def chosen_devices(given: int | Sequence[Device] | None) -> list[Device]:
 
 def block_program(
     problem: Problem, width: int, devices: Sequence[Device]
-) -> Callable[[Rows], Callable[[], tuple[Values, Ok]]]:
+) -> Callable[[Rows], Callable[[], tuple[Values, Codes, Ok]]]:
     """A function that starts the work on a block and returns a function that waits for it.
 
-    It goes from designs [SI] to a call for their quantities [SI] and whether these can be relied on; NaN
-    where not. The devices share groups of so many designs.
+    It goes from designs [SI] to a call for their quantities [SI], how they ended, and whether these can
+    be relied on; NaN where not. The devices share groups of so many designs.
     """
     once, finer = _once(problem, width, devices), with_more_panels(problem)
 
@@ -85,11 +88,12 @@ def block_program(
         running = once(rows)
 
         def wait():
-            values, ok, short = running()
+            values, ok, short, status = running()
             if finer is not None and short.any():
                 # its program is made where it is needed
-                values[short], ok[short], _ = _once(finer, width, devices)(rows[short])()
-            return np.where(ok[:, None], values, np.nan), ok
+                again = _once(finer, width, devices)(rows[short])()
+                values[short], ok[short], _, status[short] = again
+            return np.where(ok[:, None], values, np.nan), status, ok
 
         return wait
 
@@ -147,7 +151,8 @@ def _work(problem: Problem, groups, count) -> Answer:
 
     shape = groups.shape[:-1]
     no = jnp.zeros(shape, bool)
-    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, no)
+    codes = jnp.zeros(shape, Status.converged._value.dtype)
+    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, no, codes)
     return jax.lax.fori_loop(0, count, step, empty)
 
 
@@ -157,7 +162,7 @@ def solved_blocks(
     devices: Sequence[Device],
     client: "Client | None",
     blocks: Iterable[tuple[int, Rows]],
-) -> Iterator[tuple[int, Rows, Values, Ok]]:
+) -> Iterator[tuple[int, Rows, Values, Codes, Ok]]:
     """Every block with the quantities of its designs, in the order in which they are done.
 
     Args:
@@ -168,7 +173,8 @@ def solved_blocks(
         blocks: numbers and designs [SI]; read as they are needed.
 
     Yields:
-        Number, designs, quantities [SI] (NaN where a design failed) and whether each is solved.
+        Number, designs, quantities [SI] (NaN where a design failed), how each ended and whether it is
+        solved.
 
     Raises:
         ConnectionError: the scheduler of the cluster was lost.
@@ -208,9 +214,9 @@ def _on_cluster(problem, width, client, blocks):
     try:
         submit()
         for future in waiting:
-            values, ok = future.result()
+            found = future.result()
             number, rows = under_way.pop(future)
-            yield number, rows, values, ok
+            yield number, rows, *found
             submit()
     except lost as error:
         raise ConnectionError(

@@ -19,7 +19,17 @@ from .._problem import Asked, problem_of
 from ..interface import Problem, by_name, quantity_named
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
 from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent
-from ._store import OK, Headings, InMemory, OnDisk, Plan, fingerprint, heading, stored_header
+from ._store import (
+    OK,
+    STATUS,
+    Headings,
+    InMemory,
+    OnDisk,
+    Plan,
+    fingerprint,
+    heading,
+    stored_header,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -88,7 +98,8 @@ def sweep(
 
     Returns:
         A dimension for each variable of a grid, or the one dimension `sample`, with the variables
-        as coordinates; a data variable for each quantity, NaN where a design failed, and `ok`.
+        as coordinates; a data variable for each quantity, NaN where a design failed, `ok`, and
+        `status`, the code of how a design ended, whose attribute `flag_meanings` names the codes.
         Units are in the attributes. With `out` it is read from disk when it is used.
 
     Raises:
@@ -116,7 +127,9 @@ def sweep(
         "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
         "made_on": f"{local[0].device_kind}, {platform.machine()}",
     }
-    plan = Plan(points, layout, width, *_headings(asked), fingerprint(asked, points), about)
+    with_status = there is None or STATUS in there["columns"]
+    marks = fingerprint(asked, points)
+    plan = Plan(points, layout, width, *_headings(asked), marks, about, with_status)
     store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
     left = [number for number in range(layout.number) if not store.has(number)]
     total = int(np.prod(layout.shape))
@@ -190,7 +203,7 @@ def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
         for end in points.ends[one.name]:
             if not bool(one.bound.holds(end)):
                 raise BadInput(one.name, end, f"{one.bound} {one.unit}".rstrip())
-    names = [*{*points.dims, *points.axes}, *asked.names, OK]
+    names = [*{*points.dims, *points.axes}, *asked.names, STATUS, OK]
     for name in names:
         if names.count(name) > 1:
             raise BadInput("quantities", name, "a name that nothing else in the sweep has")

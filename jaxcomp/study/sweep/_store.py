@@ -23,6 +23,7 @@ import jax
 import numpy as np
 
 from ..._core.errors import BadInput
+from ..._core.status import UNNAMED, names_of_codes, status_names
 from ..interface import Problem
 from ._points import SAMPLE, Blocks, GridPoints, SamplePoints, extent
 
@@ -30,7 +31,10 @@ if TYPE_CHECKING:  # neither is imported by who does not sweep
     import xarray
 
 OK = "ok"
+STATUS = "status"
 _OK_HEADING = {"long_name": "whether the quantities can be relied on"}
+_KINDS = {OK: "bool", STATUS: "int8"}
+_FILLS = {OK: False, STATUS: UNNAMED}
 # Numbers of a sweep that is kept in memory: 2 GiB.
 _MOST_HELD = 2**28
 _HEADER = "jaxcomp_sweep"
@@ -46,6 +50,40 @@ def heading(unit: str, doc: str, better: str = "") -> dict[str, str]:
     return {"units": unit, "better": better, "long_name": doc}
 
 
+def _status_heading() -> dict[str, Any]:
+    """Of the codes, with what they mean in the manner of the conventions for climate and forecasts."""
+    names = [*status_names(), "failed"]
+    codes = [*range(len(names) - 1), UNNAMED]
+    about = "how the design ended"
+    return {"long_name": about, "flag_values": codes, "flag_meanings": " ".join(names)}
+
+
+def status_words(found: "xarray.Dataset") -> np.ndarray | None:
+    """How every design ended, by names of `Status`; `None` of a store that does not know.
+
+    Args:
+        found: of `sweep` or `open_sweep`.
+    """
+    if STATUS not in found:
+        return None
+    *names, _ = found[STATUS].attrs["flag_meanings"].split()
+    return names_of_codes(found[STATUS].values, names)
+
+
+def quantity_names(found: "xarray.Dataset") -> list[str]:
+    """The quantities of a sweep, without what tells whether they are known.
+
+    Args:
+        found: of `sweep` or `open_sweep`.
+    """
+    return [str(name) for name in found.data_vars if name not in (OK, STATUS)]
+
+
+def _empty(name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """The column of a sweep before anything is known."""
+    return np.full(shape, _FILLS.get(name, np.nan), _KINDS.get(name, "float64"))
+
+
 class Plan(NamedTuple):
     """What a sweep is to find, and how its results are laid out.
 
@@ -56,6 +94,7 @@ class Plan(NamedTuple):
         variables, quantities: their headings by name, in the order of their columns.
         fingerprint: see `fingerprint`.
         about: versions and the like, which are kept and not compared.
+        with_status: whether it is kept how designs ended; the stores of versions before do not know.
     """
 
     points: GridPoints | SamplePoints
@@ -65,6 +104,7 @@ class Plan(NamedTuple):
     quantities: Headings
     fingerprint: dict[str, Any]
     about: dict[str, str]
+    with_status: bool = True
 
     @property
     def sampled(self) -> bool:
@@ -73,8 +113,10 @@ class Plan(NamedTuple):
 
     @property
     def columns(self) -> Headings:
-        """What is kept of every design: variables that are its own, quantities and, last, `ok`."""
-        return (self.variables if self.sampled else {}) | self.quantities | {OK: _OK_HEADING}
+        """What is kept of every design: its own variables, quantities, status and, last, `ok`."""
+        own = self.variables if self.sampled else {}
+        status = {STATUS: _status_heading()} if self.with_status else {}
+        return own | self.quantities | status | {OK: _OK_HEADING}
 
 
 class _Store:
@@ -83,11 +125,13 @@ class _Store:
     plan: Plan
     arrays: dict[str, Any]
 
-    def write(self, number: int, rows, values, ok) -> None:
-        """Keep a block: its designs, their quantities and whether these can be relied on."""
+    def write(self, number: int, rows, values, status, ok) -> None:
+        """Keep a block: its designs, their quantities, how they ended, whether they can be relied on."""
         place = self.plan.layout.place(number)
+        own = rows.T if self.plan.sampled else ()
+        ended = (status,) if self.plan.with_status else ()
         # `ok` last, whose presence says that the block is whole.
-        columns = *(rows.T if self.plan.sampled else ()), *values.T, ok
+        columns = *own, *values.T, *ended, ok
         for array, column in zip(self.arrays.values(), columns, strict=True):
             array[place] = column.reshape(extent(place))
 
@@ -101,8 +145,7 @@ class InMemory(_Store):
         if size > _MOST_HELD:
             bound = f"at most {_MOST_HELD} in memory; give a folder `out` to keep more"
             raise BadInput("numbers of this sweep", size, bound)
-        self.arrays = {name: np.full(shape, np.nan) for name in plan.columns}
-        self.arrays[OK] = np.zeros(shape, bool)
+        self.arrays = {name: _empty(name, shape) for name in plan.columns}
 
     def has(self, number: int) -> bool:
         """Nothing is there before it is computed."""
@@ -178,7 +221,7 @@ def _make(path: Path, plan: Plan) -> None:
         "same": plan.fingerprint,
         "block": list(plan.layout.block),
         "width": plan.width,
-        "columns": [*plan.quantities, OK],
+        "columns": [*plan.quantities, STATUS, OK],
         "about": plan.about,
     }
     group = zarr.open_group(aside, mode="w", attributes={_HEADER: json.dumps(header)})
@@ -187,8 +230,8 @@ def _make(path: Path, plan: Plan) -> None:
             name,
             shape=plan.layout.shape,
             chunks=plan.layout.block,
-            dtype="bool" if name == OK else "float64",
-            fill_value=False if name == OK else np.nan,
+            dtype=_KINDS.get(name, "float64"),
+            fill_value=_FILLS.get(name, np.nan),
             dimension_names=plan.points.dims,
             attributes=attributes,
         )

@@ -1,11 +1,13 @@
 r"""A sweep in single numbers, and as a table."""
 
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..._core.results import with_unit
 from ._best import best_curve, best_design
+from ._store import OK, STATUS, quantity_names, status_words
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +26,9 @@ def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
     ok = found["ok"].values
     few = ok.size <= most
     variables = [str(name) for name in found.coords if name != "sample"]
-    quantities = [str(name) for name in found.data_vars if name != "ok"]
+    quantities = quantity_names(found)
+    ended = status_words(found)
+    failed = ended[~ok] if ended is not None else []
 
     def variable(values):
         low, high = values.values.min(), values.values.max()
@@ -36,9 +40,11 @@ def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
         "shape": ok.shape,
         "designs": ok.size,
         "failed": ok.size - ok.sum(),
+        "failed_by_status": dict(Counter(map(str, failed)).most_common()),
         "variables": {name: variable(found[name]) for name in variables},
         "quantities": {name: _quantity(found, name, few) for name in quantities},
         "ok": ok if few else None,
+        "status": ended if few else None,
     }
 
 
@@ -81,13 +87,14 @@ def machine_parts(found: "xarray.Dataset", dimension: str) -> dict[str, "xarray.
 
 
 def columns(found: "xarray.Dataset") -> dict[str, np.ndarray]:
-    """Every design of a `sweep` with its quantities, by name and SI unit.
+    """Every design of a `sweep` with its quantities, by name and SI unit, and how it ended.
 
     Args:
         found: of `sweep`.
     """
     made = {}
-    for name in (str(name) for name in (*found.coords, *found.data_vars)):
+    for name in (*map(str, found.coords), *quantity_names(found), OK):
         whole = found[name].broadcast_like(found["ok"]).transpose(*found["ok"].dims)
         made[with_unit(name, found[name].attrs.get("units", ""))] = whole.values.ravel()
-    return made
+    ended = status_words(found)
+    return made if ended is None else made | {STATUS: ended.ravel()}

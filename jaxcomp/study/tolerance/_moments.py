@@ -232,8 +232,10 @@ def solved_rows(
     values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
     title, show = progress or "", progress is not None
     with progress_of(title, len(rows), unit="machines", show=show) as shown:
-        for first, some, *found in solved_blocks(problem, width, devices, client, blocks):
-            values[first : first + len(some)], ok[first : first + len(some)] = found
+        for block in solved_blocks(problem, width, devices, client, blocks):
+            first, some, found, _, solved = block
+            values[first : first + len(some)] = found
+            ok[first : first + len(some)] = solved
             done += len(some)
             shown.at(done)
             if keep is not None:
