@@ -245,7 +245,7 @@ def _bisect(
     marks: Float[Array, "q p s"],
     brackets: _Brackets,
 ):
-    """Places of the reversals, and what else is known of them, by the panel polynomials of what marks them.
+    """Places of the reversals and what else is known of them, by the polynomials of what marks them.
 
     A better motion moves them a little: a bracket that has lost its reversal is widened.
 
