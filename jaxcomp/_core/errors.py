@@ -36,6 +36,14 @@ class MissingPart(BadInput):
         self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
 
 
+class QuantityFailed(BadInput):
+    """A quantity of another package whose function fails, or gives no number."""
+
+    def __init__(self, quantity: str, place: str, problem: str):
+        super().__init__(quantity, "absent", problem)
+        self.args = (f"Quantity '{quantity}' of {place} fails: {problem.rstrip('.')}.",)
+
+
 def no_machine(given: Any, part: str = "") -> BadInput:
     """The complaint about an argument that should be a machine, or that `part` of a scene."""
     text = isinstance(given, str | os.PathLike)

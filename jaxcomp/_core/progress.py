@@ -62,7 +62,7 @@ def compiling(size: int, kept: bool = False) -> Iterator[None]:
     text += "; later starts are quicker" if kept else ""
     status = _Compiles.status
     if status is None:
-        _say(text)
+        tell(text)
         yield
         return
     before = status.status
@@ -142,7 +142,7 @@ class Progress:
         elif now - self._told > _EVERY and done != self._total and shows_waits():
             self._told = now
             of = f" of {self._total:,}" if self._total else ""
-            _say(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")
+            tell(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")
 
 
 @contextmanager
@@ -174,7 +174,8 @@ def progress_of(
             yield Progress(text, total, done, unit, bar)
 
 
-def _say(text: str) -> None:
+def tell(text: str) -> None:
+    """One line on standard error."""
     print(f"jaxcomp: {text}", file=sys.stderr, flush=True)
 
 

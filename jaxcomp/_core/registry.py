@@ -8,9 +8,10 @@ physics stands.
 
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from .errors import QuantityFailed
 from .extensions import import_extensions
 
 # Sections of a scene that a computed result needs, and sections in words.
@@ -29,6 +30,10 @@ _WORDS = {
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
 }
+# Sections of a machine file that a quantity may need as well.
+_PARTS = ("rotor", "loads", "balancing", "suspension", "torsion")
+# The words of `needs`.
+NEEDS = tuple(dict.fromkeys((*_RESULTS, *_WORDS, *_PARTS)))
 _FAMILY = re.compile(r"(.*\.)<(\w+)>")
 
 
@@ -268,6 +273,97 @@ class _Member(NamedTuple):
         return values[self.member]
 
 
+class _Own:
+    """The function of a quantity that another package or a script registers.
+
+    Args:
+        name: of the quantity.
+        function: from the results of a design.
+    """
+
+    def __init__(self, name: str, function: Callable[[Any], Any]):
+        self.name, self.function = name, function
+
+    def __call__(self, result: Any) -> Any:
+        from .errors import BadInput
+        from .status import SolveFailed
+
+        try:
+            value = self.function(result)
+        except (BadInput, SolveFailed):  # of the machine
+            raise
+        except Exception as error:
+            first, *_ = str(error).strip().splitlines() or [""]
+            raise QuantityFailed(
+                self.name, self.place, f"{type(error).__name__}: {first}"
+            ) from error
+        members = [value]
+        if "<" in self.name:
+            if not isinstance(value, Mapping):
+                kind = f"a {type(value).__name__} comes back where numbers by name are wanted"
+                raise QuantityFailed(self.name, self.place, kind)
+            members = [*value.values()]
+        for member in members:
+            if problem := _no_number(member):
+                raise QuantityFailed(self.name, self.place, problem)
+        return value
+
+    @property
+    def place(self) -> str:
+        """The module that it comes from, in words."""
+        module = getattr(self.function, "__module__", None) or "__main__"
+        if module == "__main__":
+            return "this script"
+        return f"package {module.partition('.')[0]} (module {module})"
+
+
+def _no_number(value: Any) -> str:
+    """What keeps a value from being one real number, in words; "" if nothing does."""
+    if isinstance(value, bool | int | float):
+        return ""
+    shape, kind = getattr(value, "shape", None), getattr(getattr(value, "dtype", None), "kind", "")
+    if shape is None or kind not in "biuf":
+        return f"a {type(value).__name__} comes back where a number is wanted"
+    return f"an array of shape {shape} comes back where a number is wanted" if shape else ""
+
+
+def is_own(quantity: Quantity) -> bool:
+    """Whether another package or a script registered a quantity."""
+    return isinstance(quantity.value, _Own)
+
+
+_told: set[str] = set()
+
+
+def offered_values(quantities: Iterable[Quantity], result: Any) -> dict[str, Any]:
+    """The values of quantities by name, for whoever asked for none of them in particular.
+
+    A quantity of another package that fails is left out, with one line a process on standard error.
+
+    Args:
+        quantities: that suit the machine.
+        result: of the design.
+    """
+    values = {}
+    for one in quantities:
+        try:
+            values[one.name] = one.value(result)
+        except Exception as error:
+            if not is_own(one):
+                raise
+            _tell_left_out(one, error)
+    return values
+
+
+def _tell_left_out(quantity: Quantity, error: Exception) -> None:
+    from .progress import tell
+
+    if quantity.name not in _told:
+        _told.add(quantity.name)
+        why = error if isinstance(error, QuantityFailed) else f"Quantity '{quantity.name}': {error}"
+        tell(f"{why} It is left out; `needs` of register_quantity says which machines have it.")
+
+
 def register_quantity(
     name: str,
     value: Callable[[Any], Any],
@@ -289,11 +385,12 @@ def register_quantity(
         unit: SI unit, "" for a pure number.
         better: "more", "less" or "".
         doc: one sentence.
-        needs: see `Quantity`.
+        needs: see `Quantity`: "orbit", "cycle", "vibration", "compressor", "valves", "refrigerant",
+            "journals", "gas.walls", "motor.losses", or a section such as "rotor".
         percent: whether a pure number is shown in per cent.
 
     Raises:
-        BadInput: a name that is built in or cannot be typed, or another word for `better`.
+        BadInput: a name that is built in or cannot be typed, or another word for `better` or in `needs`.
 
     Example::
 
@@ -310,7 +407,17 @@ def register_quantity(
         raise BadInput("better", better, '"more", "less" or ""')
     if percent and unit:
         raise BadInput("percent", unit, "left out, for a quantity with a unit")
+    if not callable(value):
+        form = "a function of the results, such as lambda r: r.orbit.mean_speed"
+        raise BadInput("value", str(value), form)
+    needs = (needs,) if isinstance(needs, str) else tuple(needs)
+    for word in needs:
+        if word not in NEEDS:
+            from .words import one_of
+
+            raise BadInput("needs", str(word), one_of(str(word), NEEDS))
     if name in _registered and "jax" in sys.modules:
         sys.modules["jax"].clear_caches()  # programs with what the name meant before
-    _registered[name] = Quantity(name, unit, better, doc, value, needs, percent)
+    _registered[name] = Quantity(name, unit, better, doc, _Own(name, value), needs, percent)
+    _told.discard(name)
     return _registered[name]

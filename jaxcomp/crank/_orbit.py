@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Complex, Float, Int
 from .._core.exported import kept_jit
 from .._core.fields import replaced
 from .._core.polynomials import gauss
-from .._core.registry import Quantity, registered
+from .._core.registry import Quantity, offered_values, registered
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..compressor import Compressor
@@ -150,7 +150,11 @@ class Orbit(Result, eqx.Module):
         at = self.table_dims
         has = {"orbit"} if self.cycle is None else {"orbit", "cycle"}
         known = tuple(one for one in registered() if "orbit" in one.needs and set(one.needs) <= has)
-        for one, value in zip(known, _values(self, known), strict=True):
+        values = _values(self, known)
+        for one in known:
+            if one.name not in values:
+                continue
+            value = values[one.name]
             for name, single in value.items() if one.family else [(None, value)]:
                 yield Data(f"{one.family}.{name}" if name else one.name, one.unit, single)
         yield Data("energy_residual", "", self.energy.residual)
@@ -305,11 +309,11 @@ class Orbit(Result, eqx.Module):
 
 
 @kept_jit
-def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> list[Any]:
+def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> dict[str, Any]:
     """The quantities of an orbit, or of a batch of them."""
 
     def read(orbit):
-        return [one.value(SimpleNamespace(orbit=orbit)) for one in quantities]
+        return offered_values(quantities, SimpleNamespace(orbit=orbit))
 
     for _ in range(jnp.ndim(orbit.mean_speed)):
         read = eqx.filter_vmap(read)

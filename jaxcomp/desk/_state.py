@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from .._core.display import Shown, shown
 from .._core.errors import BadInput
-from .._core.registry import Quantity
+from .._core.registry import Quantity, offered_values
 from .._core.status import Status
 from ..balancing import least_squares
 from ..crank.interface import film_thickness
@@ -348,7 +348,7 @@ class Desk:
 def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: AnalysisOptions):
     """The view of a machine, without its status in words, and what that is."""
     found = DesignResult(machine, options)
-    values = {one.name: one.value(found) for one in quantities}
+    values = offered_values(quantities, found)
     crank = {} if machine.compressor is None else _of_crank(found)
     vibration = _of_rotor(found) if "balanced_vibration" in values else {}
     status = None if machine.compressor is None else found.orbit.status

@@ -163,10 +163,13 @@ def _pairs(found: Identification, name: str) -> Figure:
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = np.stack([np.cos(angle), np.sin(angle)])
         line = (axes * np.sqrt(np.maximum(sizes, 0))) @ circle * _RADIUS * error[[i, j], None]
+        line = line + centre[:, None]
+        if found.bounds is not None:
+            line = _within(line, np.asarray(found.bounds)[[i, j]])
         looks = [shown(found.parameters[n], found.units[n], found.estimate[n]) for n in (i, j)]
         size, zero = (np.array([getattr(one, key) for one in looks]) for key in ("factor", "zero"))
         shift = centre * size + zero
-        ax.plot(*(line * size[:, None] + shift[:, None]), color=_FITTED)
+        ax.plot(*(line * size[:, None] + zero[:, None]), color=_FITTED)
         ax.plot(*shift, "o", color=_FITTED, markersize=4)
         style.heading(ax, f"Correlation {correlation[i, j]:.3f}")
         names = (found.parameters[i], found.parameters[j])
@@ -178,3 +181,27 @@ def _pairs(found: Identification, name: str) -> Figure:
         ax.xaxis.label.set_size(8)
         ax.yaxis.label.set_size(8)
     return figure
+
+
+def _within(line: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The part of a closed convex line (2, n) inside bounds (2, 2), closed along them.
+
+    After Sutherland and Hodgman (1974), Reentrant polygon clipping: one side of the box after the other.
+    """
+    points = line[:, :-1] if np.array_equal(line[:, 0], line[:, -1]) else line
+    for axis, (low, high) in enumerate(bounds):
+        for sign, end in ((1.0, low), (-1.0, high)):
+            if not np.isfinite(end) or not points.size:
+                continue
+            inside = sign * (points[axis] - end)
+            kept = []
+            for k in range(points.shape[1]):
+                if inside[k - 1] * inside[k] < 0:
+                    share = inside[k - 1] / (inside[k - 1] - inside[k])
+                    crossing = points[:, k - 1] + share * (points[:, k] - points[:, k - 1])
+                    crossing[axis] = end
+                    kept.append(crossing)
+                if inside[k] >= 0:
+                    kept.append(points[:, k])
+            points = np.array(kept).T if kept else np.empty((2, 0))
+    return np.concatenate([points, points[:, :1]], axis=1)

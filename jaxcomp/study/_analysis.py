@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
 from .._core.fields import admissible
-from .._core.registry import Quantity, registered, registered_quantity
+from .._core.registry import Quantity, is_own, offered_values, registered, registered_quantity
 from .._core.status import Status
 from .._core.words import one_of
 from ..balancing import least_squares
@@ -255,21 +255,26 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
 
     Args:
         design: the machine.
-        members: list every joint and target by itself; families as `loss_power.<joint>` otherwise.
+        members: list every joint and target by itself, without quantities of other packages that fail;
+            families as `loss_power.<joint>` otherwise.
     """
     known = {one.name: one for one in registered() if not one.missing(design)}
     if not members:
         return known
-    traced = [one for one in known.values() if one.family and one.members is None]
+    traced = [one for one in known.values() if is_own(one) or (one.family and one.members is None)]
 
     def values(design):
         found = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
-        return {one.name: one.value(found) for one in traced}
+        return offered_values(traced, found)
 
     found = eqx.filter_eval_shape(values, design) if traced else {}
     out = {}
     for one in known.values():
-        names = one.members(design) if one.members else found.get(one.name, ())
-        out |= {f"{one.family}.{n}": quantity_named(f"{one.family}.{n}") for n in names}
-        out |= {} if one.family else {one.name: one}
+        if one in traced and one.name not in found:
+            continue
+        if not one.family:
+            out[one.name] = one
+            continue
+        for member in one.members(design) if one.members else found.get(one.name, ()):
+            out[f"{one.family}.{member}"] = quantity_named(f"{one.family}.{member}")
     return out

@@ -1,6 +1,7 @@
 """The best design that was found, with the evidence for it."""
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -31,7 +32,8 @@ class Constrained(NamedTuple):
         active: whether the constraint holds the optimum back.
         multiplier: what the optimal objective gains per unit of the bound, in SI units of both.
         violation: [-] in spreads of the quantity over the sample; zero inside.
-        excess: [SI] of the quantity, by which the constraint is broken; zero inside.
+        excess: [SI] of the quantity, by which the constraint is broken; zero inside, not a number in
+            results that were saved before it was told.
     """
 
     name: str
@@ -41,7 +43,7 @@ class Constrained(NamedTuple):
     active: bool
     multiplier: float
     violation: float
-    excess: float
+    excess: float = math.nan
 
 
 class Start(NamedTuple):

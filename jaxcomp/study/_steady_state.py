@@ -11,7 +11,7 @@ from .._core.each import of_cylinder
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.nested import Table
-from .._core.registry import Quantity, registered
+from .._core.registry import Quantity, offered_values, registered
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..compressor import Compressor, crank_end_pressure
@@ -199,7 +199,7 @@ def steady_state(
     quantities = {
         one.family or one.name: quantities[one.name]
         for one in known
-        if quantities[one.name] != math.inf
+        if quantities.get(one.name, math.inf) != math.inf
     }
     rods, moved = _rods(compressor, orbit), orbit.positions or {}
     suspension: Any = parts.get("suspension")
@@ -251,7 +251,7 @@ def _numbers(
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing
     joints = dict.fromkeys(orbit.loads.forces, 0.0)
-    return {one.name: one.value(result) for one in known}, {
+    return offered_values(known, result), {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
         "losses": {**joints, **energy.losses},

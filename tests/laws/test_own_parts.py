@@ -8,6 +8,7 @@ import importlib
 import inspect
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -26,11 +27,14 @@ from package.test_readme import (
 )
 from typer.testing import CliRunner
 
-from jaxcomp import load, loads
+from jaxcomp import load, loads, register_quantity
 from jaxcomp._core import extensions as _extensions
+from jaxcomp._core import registry
+from jaxcomp._core.errors import BadInput
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.parts import ExtensionError
+from jaxcomp.study import DesignResult, available_quantities, steady_state
 
 CHEAP = {"explain", "check", "list"}
 
@@ -193,6 +197,75 @@ def test_examples_of_own_pages_run(package, page, number):
 def test_a_kind_of_the_library_cannot_be_taken(tmp_path):
     said = python(tmp_path, THIEF)
     assert 'Coulomb has the kind "coulomb" of jaxcomp.friction.coulomb.CoulombSlide' in said
+
+
+@pytest.fixture
+def own_quantities(monkeypatch):
+    """Quantities of this module, which are forgotten again."""
+    monkeypatch.setattr(registry, "_registered", dict(registry._registered))
+    monkeypatch.setattr(registry, "_told", set())
+    return register_quantity
+
+
+FAULTS = {
+    "missing": (lambda r: r.orbit.no_such, "AttributeError: "),
+    "python_if": (lambda r: 1.0 if r.orbit.motor_power > 0 else 0.0, "TracerBoolConversionError"),
+    "nothing": (lambda r: None, "a NoneType comes back where a number is wanted"),
+    "curve": (lambda r: r.orbit.motor_torque, "an array of shape"),
+    "by_joint.<joint>": (lambda r: r.orbit.motor_power, "comes back where numbers by name"),
+}
+
+
+def test_own_quantities_that_fail_are_left_out_with_a_line_each(own_quantities, capsys):
+    for name, (value, _) in FAULTS.items():
+        own_quantities(name, value)
+    own_quantities("double", lambda r: 2 * r.orbit.motor_power, unit="W")
+    machine = load("mayekawa-wbhe")
+    found = steady_state(machine)
+    told = capsys.readouterr().err.splitlines()
+    for name, (_, why) in FAULTS.items():
+        (line,) = (line for line in told if f"'{name}'" in line)
+        assert f"Quantity '{name}' of package" in line
+        assert "test_own_parts" in line
+        assert why in line
+        assert "left out" in line
+        assert name.partition(".")[0] not in found.quantities
+    assert found.quantities["double"] == 2 * found.quantities["motor_power"]
+    assert "double [W]" in found.orbit.to_dict()
+    assert not any("missing" in key for key in found.orbit.to_dict())
+    known = available_quantities(machine.machine, members=True)
+    assert "double" in known
+    assert not set(FAULTS) & set(known)
+    assert capsys.readouterr().err == ""  # one line a process
+
+
+@pytest.mark.parametrize("name", [name for name in FAULTS if "<" not in name])
+def test_an_own_quantity_that_is_asked_for_and_fails_is_one_line(own_quantities, name):
+    value, why = FAULTS[name]
+    own_quantities(name, value)
+    done = CliRunner().invoke(app, ["sensitivity", "mayekawa-wbhe", "--quantity", name])
+    assert done.exit_code == 2
+    (line,) = (line for line in done.stderr.splitlines() if "error" in line)
+    assert f"error: Quantity '{name}' of package" in line
+    assert why in line
+
+
+def test_a_word_in_needs_is_known(own_quantities):
+    with pytest.raises(BadInput, match=r"needs.*valves"):
+        own_quantities("mine", lambda r: r.orbit.cycle.mass_flow, needs=("orbit", "valve"))
+    assert own_quantities("mine", lambda r: 1.0, needs="valves").needs == ("valves",)
+    for part in load("hermetic-68cc").parts:
+        own_quantities("mine", lambda r: 1.0, needs=(part,))
+
+
+def test_the_page_lists_what_a_result_has():
+    page = (ROOT / "notebooks" / "own-quantity.md").read_text()
+    for word in registry.NEEDS:
+        assert f"`{word}`" in page, word
+    attributes = re.findall(r"^\| `(\w+)` \|", page, re.M)
+    public = {name for name in vars(DesignResult) if not name.startswith("_")}
+    assert set(attributes) <= public | {"design", "options"}
+    assert {"orbit", "performance", "assembly", "vibration", "journals"} <= set(attributes)
 
 
 @pytest.fixture

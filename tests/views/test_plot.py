@@ -2,12 +2,14 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp.plot._fine import fine_turn
+from jaxcomp.plot._identified import _pairs
 from jaxcomp.plot._style import bars, over_turn
 from jaxcomp.scene import load, with_values
 from jaxcomp.vibration import shaking_wrench
@@ -176,3 +178,30 @@ def test_a_quantity_that_no_variable_moves_has_a_histogram_of_one_bar():
         np.histogram(values, 10)
     assert np.histogram(values, bars(values, 10))[0].sum() == 100
     assert bars(np.linspace(1.0, 1.1, 50), 10) == 10
+
+
+@pytest.mark.parametrize("bounded", [True, False])
+def test_ellipses_of_constants_stay_inside_what_was_allowed(bounded):
+    """A gap of 5 um, known to 80 um, that was allowed from 1 to 20 um."""
+    estimate, error = np.array([5e-6, 1.2]), np.array([80e-6, 0.1])
+    bounds = np.array([[1e-6, 20e-6], [-np.inf, np.inf]])
+    found = SimpleNamespace(
+        parameters=("gas.leakage.gap", "flow_factor"), units=("m", ""), estimate=estimate,
+        standard_error=error, covariance=np.outer(error, error) * [[1.0, -0.9], [-0.9, 1.0]],
+        bounds=bounds if bounded else None,
+    )  # fmt: skip
+    ellipse, point = _pairs(found, "machine").axes[0].lines
+    x, y = 1e-6 * ellipse.get_xdata(), ellipse.get_ydata()  # drawn in micrometres
+    assert point.get_xdata() == pytest.approx(5)
+    if not bounded:
+        assert x.min() < -100e-6
+        return
+    assert (x.min(), x.max()) == (pytest.approx(1e-6, rel=1e-9), pytest.approx(20e-6, rel=1e-9))
+    # nothing that was not in the ellipse
+    away = np.stack([x, y]) - estimate[:, None]
+    square = np.sum(away * np.linalg.solve(found.covariance, away), axis=0)
+    assert np.all(square <= 5.991 * (1 + 1e-9))
+    # along the bounds it is cut, elsewhere it is the ellipse
+    inside = (x > 1e-6 * (1 + 1e-9)) & (x < 20e-6 * (1 - 1e-9))
+    assert np.allclose(square[inside], 5.991, rtol=1e-2)  # chords of 181 points
+    assert (x[0], y[0]) == (x[-1], y[-1])

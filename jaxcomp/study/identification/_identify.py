@@ -131,6 +131,7 @@ def _identification(
         fit=found,
         machine=changed(model.design, variables, jnp.asarray(found.estimate)),
         study=model,
+        bounds=jnp.asarray([(one.low, one.high) for one in found.parameters], float),
     )
 
 

@@ -86,6 +86,7 @@ class Identification(Result, eqx.Module):
         fit: with slopes and profiles.
         machine: with the estimates.
         study: predicts other points.
+        bounds: (p, 2) ends of the range that each constant was allowed, infinite where there is none.
     """
 
     parameters: tuple[str, ...] = eqx.field(static=True)
@@ -116,6 +117,7 @@ class Identification(Result, eqx.Module):
     fit: Any = eqx.field(static=True, default=None)
     machine: Machine | None = None
     study: Any = eqx.field(static=True, default=None)
+    bounds: Float[Array, "p 2"] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("reading",)
     nested_units: ClassVar[str] = """
