@@ -16,6 +16,7 @@ import inspect
 import io
 import os
 import platform
+import re
 import stat
 import sys
 import tempfile
@@ -44,6 +45,9 @@ _LOOK = 16 * 2**20
 _MOST_KERNELS = 6000 if __version_info__ < (0, 10) else sys.maxsize
 _PACKAGE = Path(__file__).parents[1]
 _ENTRY, _ASIDE, _LOADING = ".program", ".aside", ".loading"
+# Names that this module gives; a file of any other name is somebody else's.
+_FOLDER = re.compile(r"[0-9a-f]{32}")
+_FILE = re.compile(rf"[0-9a-f]{{64}}({_ENTRY}|{_LOADING})|tmp\w{{1,16}}{_ASIDE}")
 # [s] What is still written aside after so long was left by a process that was killed.
 _ABANDONED = 3600.0
 _ARGUMENTS = ["backend", "computation", "devices", "compile_options", "host_callbacks"]
@@ -365,7 +369,7 @@ def _make_room(root: Path) -> None:
 
 def _files(root: Path) -> Iterator[tuple[Path, os.stat_result]]:
     for path in list(root.glob("*/*")):
-        if path.suffix in (_ENTRY, _ASIDE, _LOADING):
+        if _FOLDER.fullmatch(path.parent.name) and _FILE.fullmatch(path.name):
             with contextlib.suppress(OSError):  # another process has removed it
                 yield path, path.lstat()
 

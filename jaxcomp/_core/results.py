@@ -23,7 +23,7 @@ import numpy as np
 from .display import shown
 from .errors import BadInput
 from .fields import is_traced
-from .files import regular
+from .files import regular, write_whole
 from .nested import Table, merged, plain, units_table, with_units
 from .saved import UnknownClass, from_json, to_json
 from .status import Status
@@ -189,7 +189,7 @@ class Result:
 
     def to_csv(self, path: str | Path) -> None:
         """Write `columns` with their units in the header; numbers keep all their digits."""
-        Path(path).write_text(csv_text(self.columns()), encoding="utf-8")
+        write_whole(path, csv_text(self.columns()).encode())
 
     def save(self, path: str | Path) -> None:
         """Write the whole result; `load_result` reads it back to the same bits.
@@ -200,8 +200,9 @@ class Result:
         arrays: list[np.ndarray] = []
         head = {"format": _FORMAT, "version": version(_PACKAGE), "result": to_json(self, arrays)}
         kept = {f"array_{n}": values for n, values in enumerate(arrays)}
-        with Path(path).open("wb") as file:
-            np.savez_compressed(file, head=np.array(json.dumps(head)), **kept)  # pyright: ignore
+        content = io.BytesIO()
+        np.savez_compressed(content, head=np.array(json.dumps(head)), **kept)  # pyright: ignore
+        write_whole(path, content.getvalue())
 
     @property
     def plot(self) -> "Plots":

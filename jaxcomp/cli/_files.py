@@ -14,6 +14,7 @@ from rich.text import Text
 import jaxcomp as jc
 
 from .._core.display import shown, units_of
+from .._core.files import write_whole
 from .._core.registry import Quantity, registered
 from .._core.words import did_you_mean
 from . import _options as opt
@@ -22,6 +23,8 @@ from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
 from ._units import results_schema
 
+# Titles of the schemas that `schema` writes.
+_SCHEMAS = ("A machine for jaxcomp", "Results of jaxcomp")
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
@@ -58,7 +61,7 @@ def new(
     if printed:
         typer.echo(text, nl=False)
         return
-    file.write_text(text, encoding="utf-8")
+    write_whole(file, text.encode())
     has_crank = kind != "rotor" if scene is None else scene.compressor is not None
     verb = "run" if has_crank else "respond"
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
@@ -67,6 +70,7 @@ def new(
 def upgrade(
     file: Annotated[Path, typer.Argument()],
     out: Annotated[Path | None, typer.Option()] = None,
+    force: bool = False,
 ) -> None:
     """Rewrite a machine file of an older version, with its comments, sources and order.
 
@@ -77,6 +81,7 @@ def upgrade(
     Args:
         file: Machine file to rewrite.
         out (FILE): Write there, and leave the file as it is.
+        force: Write over another file.
     """
     refuse(not file.is_file(), f"{file}: cannot be read: no such file")
     text = file.read_text(encoding="utf-8")
@@ -88,9 +93,15 @@ def upgrade(
         typer.echo(f"{file} has today's spelling already.")
         return
     jc.scene.loads(made, str(file))
+    # the file itself is what this command is there to replace; any other one is somebody's
+    other = file.with_name(f"{file.name}.old") if out is None else out
+    refuse(
+        other.exists() and other != file and not force,
+        f"{other}: is there already; --force writes over it",
+    )
     if out is None:
-        file.with_name(f"{file.name}.old").write_text(text, encoding="utf-8")
-    (out or file).write_text(made, encoding="utf-8")
+        write_whole(other, text.encode())
+    write_whole(out or file, made.encode())
     typer.echo(f"{out or file} is written. Next: jaxcomp check {out or file}")
 
 
@@ -255,6 +266,7 @@ def explain(
 def schema(
     file: Annotated[Path | None, typer.Argument()] = None,
     results: bool = False,
+    force: bool = False,
 ) -> None:
     """Print or write the JSON schema of machine files, with which editors complete and check them.
 
@@ -266,13 +278,27 @@ def schema(
     Args:
         file: File to write; printed if left out.
         results: Schema of what commands print with --json and write to result.json, each under its name.
+        force: Write over a file that is no schema of this program.
     """
     made = results_schema() if results else jc.scene.json_schema()
     text = json.dumps(made, indent=1, ensure_ascii=False)
     if file is None:
         typer.echo(text)
-    else:
-        file.write_text(f"{text}\n", encoding="utf-8")
+        return
+    refuse(
+        file.exists() and not force and _schema_title(file) not in _SCHEMAS,
+        f"{file}: is there already, and is no schema of this program; --force writes over it",
+    )
+    write_whole(file, f"{text}\n".encode())
+
+
+def _schema_title(file: Path) -> str:
+    """Title of a JSON schema, "" of any other file."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return ""
+    return str(content.get("title", "")) if isinstance(content, dict) else ""
 
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:

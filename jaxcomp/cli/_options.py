@@ -267,6 +267,12 @@ OutWithoutScene = Annotated[
     Path | None,
     typer.Option(help="Folder for report.html, pictures and result.json.", callback=folder),
 ]
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force", help="Write over files in the folder of --out that no command wrote there."
+    ),
+]
 ExcitationOption = Annotated[
     Excitation | None,
     typer.Option(

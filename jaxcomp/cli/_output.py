@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from .._core.interrupts import removed_when_stopped, words_when_stopped
+from .._core.interrupts import words_when_stopped
 from .._core.nested import Table, merged, plain, with_units
-from ._options import AsJson, Out, OutWithoutScene
-from ._start import command_line, command_name, waiting
+from ._options import AsJson, Force, Out, OutWithoutScene
+from ._start import CommandError, command_line, command_name, show_error, waiting
 from ._units import beside_of, table_of
+from ._written import FIXED_NAMES, refuse_files_of_user, write_results_of_command
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,6 +42,17 @@ class Output:
 
     as_json: AsJson = False
     out: Out = None
+    force: Force = False
+
+    def __post_init__(self) -> None:
+        """Refuse a folder with files of the user before anything is solved."""
+        if self.out is None:
+            return
+        try:
+            refuse_files_of_user(self.out, FIXED_NAMES, self.force)
+        except CommandError as error:
+            show_error(error)
+            raise typer.Exit(2) from None
 
     def emit(
         self,
@@ -69,17 +81,20 @@ class Output:
         """
         whole, units = _numbers_and_units(found, beside or {})
         shown = list(tables(whole))
-        if self.out is not None:
-            with waiting("Drawing ..."):
-                columns = {name: made() for name, made in (curves or {}).items()}
-                write_results(self.out, figures(), whole, scene, shown, columns, units)
-                for name, text in files().items():
-                    _write(self.out / name, text.encode())
         if self.as_json:
             print_json(whole, units)
+        else:
+            print_tables(shown)
+        if self.out is None:
             return
-        print_tables(shown)
-        if self.out is not None:
+        # What was found is printed by now, should a file of the user or a full disk be in the way.
+        with waiting("Drawing ..."):
+            columns = {name: made() for name, made in (curves or {}).items()}
+            contents = result_files(
+                self.out.name, figures(), whole, scene, shown, columns, units, files()
+            )
+            write_results_of_command(self.out, contents, self.force)
+        if not self.as_json:
             print_line(f"{written} are in {self.out}")
 
 
@@ -103,6 +118,7 @@ class OutputWithoutScene(Output):
     """The same where no machine is run that a file describes."""
 
     out: OutWithoutScene = None
+    force: Force = False
 
 
 class Partial:
@@ -133,8 +149,9 @@ class Partial:
             if time.monotonic() - self.written > _EVERY:
                 from .._core.results import csv_text
 
-                self.file.parent.mkdir(parents=True, exist_ok=True)
-                _write(self.file, csv_text(self.columns).encode())
+                contents = {self.file.name: csv_text(self.columns).encode()}
+                # that the file is none of the user was seen before the work began
+                write_results_of_command(self.file.parent, contents, force=True)
                 self.written = time.monotonic()
         words_when_stopped(f"stopped after {count:,} {self.unit}{best and f', {best}'}; {kept}")
 
@@ -145,65 +162,58 @@ class Partial:
             self.file.unlink(missing_ok=True)
 
 
-def write_results(
-    folder: Path,
+def result_files(
+    title: str,
     figures: Mapping[str, Any],
     result: dict[str, Any],
     scene: "Scene | None" = None,
     tables: Iterable[Any] = (),
     curves: Mapping[str, Mapping[str, Any]] | None = None,
     units: Table | None = None,
-) -> None:
-    """Pictures, numbers, a report of both, and, where there is one, the scene as it was run.
+    texts: Mapping[str, str] | None = None,
+) -> dict[str, bytes]:
+    """Contents of the files of a command by their names.
 
-    Where plotly is installed, the pictures are on a page with hover and zoom as well.
+    Pictures, numbers, a report of both, and, where there is one, the scene as it was run. Where plotly is
+    installed, the pictures are on a page with hover and zoom as well.
 
     Args:
-        folder: is made if it is missing.
+        title: of that page.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
         result: plain numbers and words.
         scene: as in `Output.emit`.
         tables: for `rich`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
         units: as in `json_text`.
+        texts: of further files, by name.
     """
     from .._core.results import csv_text
     from ..report import report
     from ..report.interface import Provenance
     from ..scene import dump
 
-    folder.mkdir(parents=True, exist_ok=True)
+    contents: dict[str, bytes] = {}
     for name, figure in figures.items():
         if isinstance(figure, bytes):
-            _write(folder / f"{name}.gif", figure)
+            contents[f"{name}.gif"] = figure
         else:
             image = io.BytesIO()
             figure.savefig(image, dpi=150)
-            _write(folder / f"{name}.png", image.getvalue())
-    _write(folder / "result.json", f"{json_text(result, units)}\n".encode())
+            contents[f"{name}.png"] = image.getvalue()
+    contents["result.json"] = f"{json_text(result, units)}\n".encode()
     for name, columns in (curves or {}).items():
-        _write(folder / f"{name}.csv", csv_text(dict(columns)).encode())
+        contents[f"{name}.csv"] = csv_text(dict(columns)).encode()
     if scene is not None:
-        _write(folder / "scene.toml", dump(scene).encode())
+        contents["scene.toml"] = dump(scene).encode()
     if figures and find_spec("plotly"):
         from ..plot.interface import interactive_page
 
-        _write(folder / "interactive.html", interactive_page(figures, folder.name).encode())
+        contents["interactive.html"] = interactive_page(figures, title).encode()
     page = report(result, tables, figures, scene, Provenance.now(command_line()))
-    _write(folder / "report.html", page.encode())
-
-
-def _write(file: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all, also where the disk is full."""
-    part = file.with_name(f".{file.name}.part")
-    try:
-        with removed_when_stopped(part):
-            part.write_bytes(content)
-            part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        why = f"{error.strerror}; the file is not written"
-        raise OSError(error.errno, why, str(file)) from None
+    contents["report.html"] = page.encode()
+    for name, text in (texts or {}).items():
+        contents[name] = text.encode()
+    return contents
 
 
 def show_results(result: dict[str, Any], tables: Iterable[Any], as_json: bool) -> None:

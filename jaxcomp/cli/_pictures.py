@@ -22,6 +22,7 @@ def animate(
     case: opt.Case,
     speed: str | None = None,
     frames: int = 48,
+    force: opt.Force = False,
 ) -> None:
     """Draw the mechanism over one revolution with its forces, and a rotor before and after balancing.
 
@@ -34,6 +35,7 @@ def animate(
         speed (SPEED): Speed of the rotor, e.g. 3000rpm; the scene's if absent.
         frames: Pictures per revolution.
     """
+    output = Output(out=out, force=force)
     refuse(not 4 <= frames <= 360, f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif
 
@@ -61,7 +63,7 @@ def animate(
             result |= found
         refuse(not moving, f"{scene.file}: has neither a crank nor a rotor to be balanced")
     written = "Moving pictures and report"
-    Output(out=out).emit(result, animate_tables, lambda: moving, scene, written=written)
+    output.emit(result, animate_tables, lambda: moving, scene, written=written)
 
 
 def balancing_motion(

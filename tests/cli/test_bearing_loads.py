@@ -302,7 +302,10 @@ def test_the_command_prints_numbers_and_writes_pictures(pin, file, tmp_path):
     assert found["minimum_film"] == pytest.approx(float(pin.film.minimum_film), rel=1e-9)
     assert found["mean_side_flow"] == pytest.approx(float(pin.film.mean_flow), rel=1e-9)
     assert found["minimum_film_angle"] == pytest.approx(float(pin.minimum_film_angle), abs=1e-9)
-    names = {path.name for path in (tmp_path / "o").iterdir()} - {"interactive.html"}
+    names = {path.name for path in (tmp_path / "o").iterdir()} - {
+        "interactive.html",
+        ".jaxcomp.json",
+    }
     assert names == {"path.png", "film.png", "orbit.csv", "result.json", "report.html"}
     table = CliRunner().invoke(app, arguments[:-2])
     assert "Error of the table" in table.stdout

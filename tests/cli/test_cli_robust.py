@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 
 import jaxcomp.__main__ as program
 from jaxcomp.cli import app
-from jaxcomp.cli._output import write_results
+from jaxcomp.cli._output import result_files
+from jaxcomp.cli._written import RECORD, write_results_of_command
 from jaxcomp.scene import load
 from jaxcomp.scene.measurements import read_measurements
 
@@ -255,15 +256,17 @@ def test_a_real_interrupt_at_any_time(tmp_path, after):
 def test_a_full_disk_leaves_no_cut_report(tmp_path):
     figure = plt.figure(figsize=(1, 1))
     result = {"machine": "m", "number": "one"}
-    write_results(tmp_path, {"one": figure}, result)
+    write_results_of_command(tmp_path, result_files("m", {"one": figure}, result), False)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    assert set(before) == {"one.png", "interactive.html", "result.json", "report.html"}
+    pictures = {"one.png", "interactive.html"}
+    assert set(before) == {*pictures, "result.json", "report.html", RECORD}
+    longer = result_files("m", {}, result | {"long": "x" * 100})
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     # no file of more than 2 kB can be written, as little as on a disk with as much left
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
     try:
         with pytest.raises(OSError, match=r"report\.html|one\.png") as told:
-            write_results(tmp_path, {}, result | {"long": "x" * 100})
+            write_results_of_command(tmp_path, longer, False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         plt.close(figure)

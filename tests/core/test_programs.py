@@ -178,7 +178,7 @@ def test_what_was_not_read_for_long_goes_first(folder, monkeypatch, hits):
     first, second = sorted(entries(folder), key=lambda path: path.stat().st_mtime_ns)
     for path, age in ((first, 100), (second, 200)):
         os.utime(path, (path.stat().st_mtime - age,) * 2)
-    left = first.parent / "left.aside"
+    left = first.parent / "tmpleft.aside"
     left.write_bytes(b"")
     os.utime(left, (0, 0))
     monkeypatch.setattr(_programs, "_LIMIT", 5 * first.stat().st_size // 2)

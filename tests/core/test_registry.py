@@ -12,7 +12,7 @@ from jaxcomp._core.display import shown
 from jaxcomp._core.nested import plain
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
-from jaxcomp.cli._output import write_results
+from jaxcomp.cli._output import result_files
 from jaxcomp.cli._run_tables import run_tables
 from jaxcomp.scene import SceneError, with_values
 from jaxcomp.study import available_quantities, steady_state, variable
@@ -58,11 +58,11 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
     assert percent in invoke("run", "mayekawa-wbhe")
     found = plain(steady_state(mayekawa, orbit=orbit))
     result = found | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
-    write_results(tmp_path, {}, result, mayekawa, run_tables(mayekawa, result))
-    report = (tmp_path / "report.html").read_text()
+    files = result_files("m", {}, result, mayekawa, run_tables(mayekawa, result))
+    report = files["report.html"].decode()
     assert percent.replace(" ", "&nbsp;") in report  # a number and its unit stand on one line
     assert "Friction share" in report
-    written = read_json((tmp_path / "result.json").read_text())
+    written = read_json(files["result.json"].decode())
     assert written["friction_share"] == pytest.approx(share, rel=1e-14)
     over = ("--over", "bore=120mm,130mm", "--quantity", "friction_share")
     text = invoke("sweep", "mayekawa-wbhe", *over, *FAST)

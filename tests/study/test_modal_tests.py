@@ -1,13 +1,14 @@
 """Numbers of a rotor like that of a hermetic compressor from modal tests: pin and arms are fitted."""
 
 import importlib
+from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import BadInput, load
+from jaxcomp import BadInput, load, loads
 from jaxcomp.machine import Machine
 from jaxcomp.rotor import Disks, RotorModel, shaft_line, undamped_modes
 from jaxcomp.scene import SceneError
@@ -163,6 +164,10 @@ def test_files_that_cannot_be_read(tmp_path, text, message):
         (ModalTest("made", np.array([100.0]), (400,)), "the distinct frequencies"),
         (ModalTest("made", np.array([100.0]), (1,), True, (99,), ("ux",), np.ones((1, 1))), "node"),
         (ModalTest("made", np.array([100.0]), (1,), True, (3,), ("uw",), np.ones((1, 1))), "axis"),
+        (
+            ModalTest("made", np.array([100.0]), (1,), True, (3,), ("ux",), np.zeros((1, 1))),
+            "shape",
+        ),
     ],
 )
 def test_tests_that_do_not_suit(test, message):
@@ -270,6 +275,165 @@ def test_a_file_that_is_no_universal_one(tmp_path):
     file.write_text("no set at all\n")
     with pytest.raises(SceneError, match=r"universal file|has no normal modes"):
         read_measurement(file, machine(crankshaft()))
+
+
+# Uniform steel bar of 400 mm and 20 mm diameter, hung free.
+BAR = """name = "bar"
+
+[rotor]
+dof = 4
+
+[[rotor.shafts]]
+nodes = [1, 2, 3, 4, 5, 6, 7, 8, 9]
+length = "50 mm"
+outer_diameter = "20 mm"
+young_modulus = "206 GPa"
+density = "7850 kg/m^3"
+poisson = 0.3
+theory = "euler-bernoulli"
+"""
+# Of a bar with 196 GPa, by the closed form of the free bar, as one hammer direction shows it.
+ALONG_X = """mode,frequency [Hz],1.ux,2.ux,3.ux,4.ux,5.ux,6.ux,7.ux,8.ux,9.ux
+1,556.023,1.00000,0.42359,-0.09920,-0.47207,-0.60782,-0.47207,-0.09920,0.42359,1.00000
+2,1532.700,1.00000,0.04869,-0.58475,-0.56551,0.00000,0.56551,0.58475,-0.04869,-1.00000
+3,3004.705,1.00000,-0.26631,-0.62114,0.14656,0.71119,0.14656,-0.62114,-0.26631,1.00000
+"""
+MODULUS = {"rotor.shafts.0.young_modulus": (0.5, 2.0)}
+# Eight elements with distributed masses: the modulus is 0.2 % too small by the frequencies alone as well.
+CLOSE = 0.004
+# A mode as universal files have it: a complex one has an eigenvalue and complex components.
+COMPLEX_MODE = """    -1
+    55
+modal test
+NONE
+NONE
+NONE
+NONE
+         1         {kind}         2         8         5         3
+         2         6         1         {mode}
+ {eigenvalue}  1.00000e+00  0.00000e+00  1.00000e+00  0.00000e+00
+{nodes}    -1
+"""
+
+
+def bar():
+    return loads(BAR).machine
+
+
+def along_x():
+    """Frequencies [Hz] and shapes of the bar."""
+    rows = [line.split(",") for line in ALONG_X.splitlines()[1:]]
+    return [float(row[1]) for row in rows], [[float(x) for x in row[2:]] for row in rows]
+
+
+def test_shapes_along_one_axis_count_once(tmp_path):
+    """Both modes of a pair are the same shape there; the modulus is that of the frequencies alone."""
+    file = tmp_path / "ux-only.csv"
+    file.write_text(ALONG_X)
+    test = read_measurement(file, bar())
+    found = identify(bar(), test, MODULUS, starts=1)
+    assert found.estimate[0] == pytest.approx(196 / 206, abs=CLOSE)
+    assert float(found.chi_square) < 0.2
+    assert np.abs(found.error("mode_shape")).max() < 5e-3
+    alone = identify(bar(), replace(test, nodes=(), axes=(), shape=None), MODULUS, starts=1)
+    # shapes move it by what the elements leave of them
+    assert found.estimate[0] == pytest.approx(float(alone.estimate[0]), abs=1e-3)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 6, np.pi / 2])
+def test_shapes_of_a_pair_in_any_plane_are_found(angle):
+    hertz, shapes = along_x()
+    turned = np.concatenate([np.cos(angle) * np.array(shapes), np.sin(angle) * np.array(shapes)], 1)
+    nodes, axes = (*range(1, 10), *range(1, 10)), ("ux",) * 9 + ("uy",) * 9
+    test = ModalTest("made", 2 * np.pi * np.array(hertz), (1, 2, 3), True, nodes, axes, turned)
+    found = identify(bar(), test, MODULUS, starts=1)
+    assert found.estimate[0] == pytest.approx(196 / 206, abs=CLOSE)
+    assert np.abs(found.error("mode_shape")).max() < 5e-3
+
+
+def complex_modes(kind, phase):
+    """Universal file of the bar's modes as complex ones, with 1 % of damping and turned by a phase."""
+    hertz, shapes = along_x()
+    text = ""
+    for mode, (frequency, shape) in enumerate(zip(hertz, shapes, strict=True), 1):
+        size = 2 * np.pi * frequency
+        pole = size * (-0.01 + 1j * np.sqrt(1 - 0.01**2))
+        nodes = ""
+        for node, value in enumerate(shape, 1):
+            turned = value * np.exp(1j * phase)
+            cells = (turned.real, turned.imag, 0, 0, 0, 0)
+            nodes += f"{node:10d}\n" + "".join(f"{cell:13.5e}" for cell in cells) + "\n"
+        eigenvalue = f"{pole.real:12.5e}{pole.imag:13.5e}"
+        text += COMPLEX_MODE.format(kind=kind, mode=mode, eigenvalue=eigenvalue, nodes=nodes)
+    return text
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+@pytest.mark.parametrize("kind", [3, 7])
+def test_complex_modes_in_universal_files(tmp_path, kind):
+    file = tmp_path / "modes.uff"
+    file.write_text(complex_modes(kind, 0.7))
+    test = read_measurement(file, bar())
+    hertz, shapes = along_x()
+    # six digits of the file
+    np.testing.assert_allclose(test.frequency, 2 * np.pi * np.array(hertz), rtol=1e-5)
+    sign = np.sign(test.shape[:, :1])
+    np.testing.assert_allclose(sign * test.shape, shapes, atol=2e-5)
+    assert set(test.axes) == {"ux"}
+    # the fifth node, which the second mode leaves at rest, was measured
+    assert test.nodes == tuple(range(1, 10))
+
+
+GROUPS = """    -1
+  2467
+         1         0         0         0         0         0         0         4
+left
+         8       110         0         0         8       117         0         0
+         8       122         0         0         8       135         0         0
+    -1
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_groups_beside_modes_are_left_alone(tmp_path, capfd):
+    file = tmp_path / "modes.uff"
+    file.write_text(GROUPS + complex_modes(3, 0.0))
+    assert read_measurement(file, bar()).frequency.size == 3
+    assert capfd.readouterr().out == ""  # in front of the JSON of a command
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_a_universal_file_that_is_cut_is_refused(tmp_path):
+    file = tmp_path / "modes.uff"
+    text = complex_modes(3, 0.0)
+    lines = text.splitlines(keepends=True)
+    for cut in (len(lines) - 1, len(lines) - 3, 40):
+        file.write_text("".join(lines[:cut]))
+        with pytest.raises(SceneError, match="ends within a data set: the file is cut"):
+            read_measurement(file, bar())
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_a_set_with_fewer_points_than_it_announces_is_refused(tmp_path):
+    file = tmp_path / "responses.uff"
+    write_responses(file, accelerations(), HERTZ, [(3, 1), (12, 1)])
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(lines[:-40] + lines[-1:]))
+    with pytest.raises(SceneError, match=r"data set 2.*must have 801 points, as its head says"):
+        read_measurement(file, machine(crankshaft()))
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_coherences_beside_responses_are_left_out_with_a_note(tmp_path):
+    file = tmp_path / "responses.uff"
+    write_responses(file, accelerations(), HERTZ, [(3, 1), (12, 1)])
+    alone = read_measurement(file, machine(crankshaft()))
+    coherence = np.ones((2, HERTZ.size), complex)
+    write_responses(file, coherence, HERTZ, [(3, 1), (12, 1)], 6)
+    test = read_measurement(file, machine(crankshaft()))
+    np.testing.assert_array_equal(test.frequency, alone.frequency)
+    assert test.warnings([], []) == ["responses.uff: 2 coherences (type 6) are not read"]
+    assert alone.warnings([], []) == []
 
 
 @pytest.mark.slow

@@ -72,6 +72,14 @@ class ModalTest(AbstractMeasurement):
         if max(self.modes) > len(distinct):
             bound = f"at most {len(distinct)}, the distinct frequencies of the rotor"
             raise BadInput(f"{self.source}: mode", max(self.modes), bound)
+        for number, shape in zip(
+            self.modes, [] if self.shape is None else self.shape, strict=False
+        ):
+            measured = shape[np.isfinite(shape)]
+            if measured.size and not measured.any():
+                raise BadInput(
+                    f"{self.source}: shape of mode {number}", 0, "other than 0 somewhere"
+                )
         for node, axis in zip(self.nodes, self.axes, strict=True):
             node_index(model, node)
             if axis not in AXES[model.dof]:
@@ -112,7 +120,8 @@ class ModalTest(AbstractMeasurement):
     def _normed(self) -> NDArray:
         """The measured shapes over their largest component."""
         assert self.shape is not None
-        return self.shape / np.nanmax(np.abs(self.shape), axis=1, keepdims=True)
+        size = np.nan_to_num(np.abs(self.shape)).max(axis=1, keepdims=True, initial=0.0)
+        return self.shape / np.where(size > 0, size, np.nan)
 
     def warnings(self, used, beside):
         """What the file has and was not read."""
