@@ -314,7 +314,7 @@ COMMANDS = {
     "no samples": _cli(
         f"tolerance {WBHE} --vary mechanism.bore=+-0.1mm --samples -5", "--samples", "-5"
     ),
-    "map of a machine without valves": _cli(f"map {WBHE}", "gas", "PolytropicCycle", "valves"),
+    "map of a machine without valves": _cli(f"map {WBHE}", "gas", "polytropic", "valves"),
     "map without its range": _cli(
         "map r290-6cc --evaporating -30:-10", "--evaporating", "-30:-10:"
     ),

@@ -52,6 +52,11 @@ def no_machine(given: Any, part: str = "") -> BadInput:
     return BadInput("machine", f'"{file}"' if text else f"a {type(given).__name__}", bound)
 
 
+def kind_text(part: Any) -> str:
+    """What a part of a machine is, as the `type` of its section says; the class of anything else."""
+    return str(getattr(part, "kind", "") or type(part).__name__)
+
+
 def value_text(value: Any) -> str:
     """A value as messages name it."""
     if value is None:

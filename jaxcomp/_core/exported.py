@@ -31,7 +31,9 @@ from jax import export
 from jax.experimental import serialize_executable
 
 from . import programs
+from .errors import BadInput
 from .fields import is_traced, strongly_typed
+from .precision import single_precision
 
 # Whether traced programs are kept where compiled ones are.
 enabled = True
@@ -72,6 +74,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         # Within another program this one becomes a part of it.
         if any(is_traced(leaf) for leaf in leaves):
             return compiled(*arguments, **named)
+        _refuse_mixed_precision(leaves)
         if any(getattr(leaf, "weak_type", False) for leaf in leaves):
             leaves = [*map(strongly_typed, leaves)]
             arguments, named = structure.unflatten(leaves)
@@ -88,6 +91,18 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         return compiled(*arguments, **named) if program is None else program(leaves)
 
     return call  # pyright: ignore[reportReturnType]
+
+
+def _refuse_mixed_precision(leaves: list[Any]) -> None:
+    """Refuse numbers in double precision where JAX computes in single precision.
+
+    Raises:
+        BadInput: there are some.
+    """
+    words = single_precision()
+    if words and any(getattr(leaf, "dtype", None) == np.float64 for leaf in leaves):
+        bound = "left as it was when the machine was made"
+        raise BadInput("jax_enable_x64", f"off: {words}", bound)
 
 
 def _hole(leaf: Any) -> _Hole | None:

@@ -45,3 +45,15 @@ if os.environ.get("JAXCOMP_XLA_FLAGS", "1") != "0":
     for _since, _below, _flag, _value in _FLAGS:
         if _since <= __version_info__ < _below:
             tell_xla(_flag, _value)
+
+
+def single_precision() -> str:
+    """Words on single precision, in which solvers may not reach their tolerances; "" in double."""
+    if jax.config.read("jax_enable_x64"):
+        return ""
+    if os.environ.get("JAXCOMP_X64", "1") == "0":
+        return "in single precision: see JAXCOMP_X64"
+    return (
+        "in single precision, which was switched on after jaxcomp was imported: "
+        '`jax.config.update("jax_enable_x64", True)` before a machine is loaded'
+    )

@@ -10,6 +10,7 @@ import importlib
 import inspect
 import io
 import json
+import zipfile
 from collections.abc import Iterator
 from html import escape
 from importlib.metadata import version
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 _PACKAGE = __name__.partition(".")[0]
 _FORMAT = f"{_PACKAGE} result"
+# [bytes] What a file of a result unpacks to at most, of which its structure is a part.
+_LARGEST, _LARGEST_HEAD = 2 * 10**9, 2 * 10**8
 
 
 class Data(NamedTuple):
@@ -195,11 +198,16 @@ class Result:
         """Write the whole result; `load_result` reads it back to the same bits.
 
         Raises:
-            BadInput: a result with a function of the user in it, which no file can hold.
+            BadInput: a result with a function of the user in it, which no file can hold, or one that is
+                larger than `load_result` reads.
         """
         arrays: list[np.ndarray] = []
         head = {"format": _FORMAT, "version": version(_PACKAGE), "result": to_json(self, arrays)}
         kept = {f"array_{n}": values for n, values in enumerate(arrays)}
+        size = sum(values.nbytes for values in arrays)
+        if size > _LARGEST:
+            bound = f"of at most {_LARGEST / 1e9:.3g} GB; save parts of it"
+            raise BadInput("result", f"{size / 1e9:.3g} GB", bound)
         content = io.BytesIO()
         np.savez_compressed(content, head=np.array(json.dumps(head)), **kept)  # pyright: ignore
         write_whole(path, content.getvalue())
@@ -328,12 +336,15 @@ def load_result(path: str | Path) -> Any:
     """
     path = regular(path)
     try:
+        _check_size(path)
         with np.load(path) as file:
-            arrays = {name: file[name] for name in file.files}
-        head = json.loads(str(arrays.pop("head")))
-        if head["format"] != _FORMAT:
-            raise ValueError
+            head = json.loads(str(file["head"]))
+            if head["format"] != _FORMAT:
+                raise ValueError
+            arrays = {name: file[name] for name in file.files if name != "head"}
         written, kept = str(head["version"]), head["result"]
+    except BadInput:
+        raise
     except Exception:  # whatever numpy, zipfile and json make of damaged bytes
         raise BadInput("path", str(path), "a file that `save` of a result wrote") from None
     try:
@@ -346,6 +357,21 @@ def load_result(path: str | Path) -> Any:
     except Exception:  # any other structure than `save` writes
         raise BadInput("path", f"{path}, which is damaged", "as `save` wrote it") from None
     return found
+
+
+def _check_size(path: Path) -> None:
+    """Refuse an archive that would fill the memory; what it unpacks to stands in it.
+
+    Raises:
+        BadInput: it would.
+    """
+    with zipfile.ZipFile(path) as archive:
+        sizes = {one.filename: one.file_size for one in archive.infolist()}
+    head = sizes.get("head.npy", 0)
+    whole = sum(sizes.values())
+    if head > _LARGEST_HEAD or whole > _LARGEST:
+        size = f"{path}, which unpacks to {whole / 1e9:.3g} GB"
+        raise BadInput("path", size, f"a result of at most {_LARGEST / 1e9:.3g} GB")
 
 
 def _finite(values: np.ndarray) -> Any:

@@ -1,9 +1,10 @@
 """How a solution ended, in words; carried through `jit` and `vmap` as one integer per sample."""
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Int
+
+from .precision import single_precision
 
 
 class Status(eqx.Enumeration):
@@ -106,6 +107,7 @@ class SolveFailed(RuntimeError):
 
     def __init__(self, status, details: str = "", result=None):
         self.status, self.result = status, result
-        if not jax.config.read("jax_enable_x64"):
-            details = "; ".join(filter(None, [details, "in single precision: see JAXCOMP_X64"]))
-        super().__init__(Status[status] + (f" ({details})" if details else "") + ".")
+        meaning = Status[status] + (f" ({details})" if details else "")
+        single = single_precision()
+        # it is the likelier cause, and stands in front of what a status advises
+        super().__init__(f"{single}; {meaning}." if single else f"{meaning}.")

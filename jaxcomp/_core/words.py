@@ -17,8 +17,20 @@ _FEW = 8  # names that a message lists beside the one that is near
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The most similar of some words, `None` if none is similar."""
-    return next(iter(difflib.get_close_matches(word, sorted(known), n=1, cutoff=0.6)), None)
+    """The most similar of some words, `None` if none is similar.
+
+    Without regard to case: "COP" is "cop". The first words of a dotted name stand for it if only one name
+    begins so: "impact_speed" for "impact_speed.<contact>".
+    """
+    names = {name.lower(): name for name in sorted(known, reverse=True)}
+    lowered = word.lower()
+    if lowered in names:
+        return names[lowered]
+    members = [name for name in names if name.startswith(f"{lowered}.")]
+    if len(members) == 1:
+        return names[members[0]]
+    similar = difflib.get_close_matches(lowered, sorted(names), n=1, cutoff=0.6)
+    return names[similar[0]] if similar else None
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -36,6 +36,7 @@ from ._start import (
     one_blas_thread,
     quiet_loader,
     reports_errors,
+    usable_columns,
 )
 from ._sweep import sweep
 from ._tolerance import tolerance
@@ -183,6 +184,7 @@ def main() -> None:
     """Entry point of the program `jaxcomp`."""
     quiet_loader()
     one_blas_thread()
+    usable_columns()
     leave_out_callbacks()
     # a terminal in ASCII or Latin-1 shows what it can of results with Greek letters
     for stream in (sys.stdout, sys.stderr):

@@ -70,9 +70,11 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
         try:
             command(**options)
         except Exception as error:
-            if not isinstance(error, _caused_by_user()):
+            by_user = isinstance(error, _caused_by_user())
+            platform = "" if by_user else _platform_problem()
+            if not by_user and not platform:
                 raise
-            show_error(error)
+            show_error(CommandError(platform) if platform else error)
             others = len(getattr(error, "others", ()))
             if others:
                 typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
@@ -82,6 +84,27 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(STOPPED) from None
 
     return wrapped
+
+
+def _platform_problem() -> str:
+    """What is wrong with the platform that JAX is told to use; "" if nothing is."""
+    platform = os.environ.get("JAX_PLATFORMS", "")
+    if not platform:
+        return ""
+    import jax
+
+    try:
+        jax.devices()
+    except Exception:  # of several kinds, an assertion among them
+        return f"JAX_PLATFORMS={platform}: JAX cannot run on it here; leave it out, or JAX_PLATFORMS=cpu"
+    return ""
+
+
+def usable_columns() -> None:
+    """Leave out a width of the terminal that is none: rich would print nothing within zero columns."""
+    columns = os.environ.get("COLUMNS")
+    if columns is not None and not (columns.isdecimal() and int(columns[:9]) > 0):
+        del os.environ["COLUMNS"]
 
 
 def show_error(error: Exception) -> None:

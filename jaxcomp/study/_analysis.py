@@ -12,7 +12,7 @@ from .._core.errors import BadInput
 from .._core.fields import admissible
 from .._core.registry import Quantity, is_own, offered_values, registered, registered_quantity
 from .._core.status import Status
-from .._core.words import one_of
+from .._core.words import nearest, one_of
 from ..balancing import least_squares
 from ..balancing.interface import Influence, flexibilities, influence_of
 from ..compressor import Compressor
@@ -246,6 +246,10 @@ def quantity_named(name: str) -> Quantity:
     found = registered_quantity(name)
     if found is None or "<" in name:
         names = [one.name for one in registered()]
+        family = nearest(name, [known for known in names if known.startswith(f"{name.lower()}.")])
+        if family is not None:
+            bound = f'"{family}"; `jaxcomp list --quantities MACHINE` lists its members'
+            raise BadInput("quantity", name, bound)
         raise BadInput("quantity", name, one_of(name, names))
     return found
 

@@ -16,7 +16,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
-from .._core.errors import BadInput
+from .._core.errors import BadInput, kind_text
 from .._core.exported import kept_jit
 from .._core.fields import replaced
 from .._core.nested import fields_of
@@ -174,7 +174,7 @@ def at_rating(
     gas = compressor.gas
     if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
         bound = 'of type "cylinder", with valves and a real gas, for rating points'
-        raise BadInput("gas", type(gas).__name__, bound)
+        raise BadInput("gas", kind_text(gas), bound)
     if isinstance(rating, str):
         if rating not in RATINGS:
             raise BadInput("rating", rating, one_of(rating, RATINGS))

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.each import of_cylinder
-from .._core.errors import BadInput
+from .._core.errors import BadInput, kind_text
 from ..compressor import Compressor, first_top, instants
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink, rod_motion
@@ -62,7 +62,7 @@ def crank_forces(
     """
     mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
     if not isinstance(mechanism, SliderCrank | SliderLink):
-        raise BadInput("mechanism", type(mechanism).__name__, "a slider-crank or slider-link")
+        raise BadInput("mechanism", kind_text(mechanism), "a slider-crank or slider-link")
     angle, lost = state.state.angle, state.loads.loss_torque
     none = jnp.zeros_like(angle)
     phase = state.mean_speed * state.time + first_top(compressor)

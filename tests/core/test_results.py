@@ -3,6 +3,8 @@
 import gc
 import json
 import os
+import tracemalloc
+import zipfile
 
 import equinox as eqx
 import jax
@@ -27,6 +29,7 @@ from jaxcomp import (
     tolerance,
     within,
 )
+from jaxcomp._core import results as _results
 from jaxcomp._core.saved import class_address, class_at
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
@@ -463,6 +466,39 @@ def test_a_cut_file_is_refused_and_a_pipe_is_not_read(tmp_path):
     os.mkfifo(tmp_path / "pipe.npz")
     with pytest.raises(OSError, match="pipe or a device"):
         load_result(tmp_path / "pipe.npz")
+
+
+def bomb(path, size, **arrays):
+    """An archive whose one member unpacks to zeros of a size, of a thousandth of it itself."""
+    np.savez(path, **arrays)
+    block = bytes(10**7)
+    with (
+        zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
+        archive.open("array_9.npy", "w", force_zip64=True) as member,
+    ):
+        for _ in range(size // len(block)):
+            member.write(block)
+
+
+@pytest.mark.parametrize("head", ['{"format": "jaxcomp result"}', "{}"])
+def test_what_would_fill_the_memory_is_refused_before_it_is_unpacked(head, tmp_path, monkeypatch):
+    monkeypatch.setattr(_results, "_LARGEST", 10**8)
+    bomb(tmp_path / "bomb.npz", 2 * 10**8, head=np.array(head))
+    assert (tmp_path / "bomb.npz").stat().st_size < 10**6
+    tracemalloc.start()
+    try:
+        with pytest.raises(BadInput, match=r"bomb\.npz, which unpacks to 0.2 GB"):
+            load_result(tmp_path / "bomb.npz")
+        assert tracemalloc.get_traced_memory()[1] < 10**7
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_result_that_could_not_be_read_is_not_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(_results, "_LARGEST", 10)
+    with pytest.raises(BadInput, match="save parts of it"):
+        balance().save(tmp_path / "large.npz")
+    assert not [*tmp_path.iterdir()]
 
 
 class LawOfAnExtension(Part):

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._core.each import of_cylinder
-from ..._core.errors import BadInput
+from ..._core.errors import BadInput, kind_text
 from ..._core.fields import replaced
 from ...compressor import Compressor
 from ...crankshaft import Crankshaft
@@ -91,7 +91,7 @@ def one_cylinder(machine: Compressor | None) -> Any:
     """
     gas = None if machine is None else machine.gas
     if machine is None or not isinstance(gas, Cylinder):
-        raise BadInput("gas", type(gas).__name__, "a cylinder with valves, for this study")
+        raise BadInput("gas", kind_text(gas), "a cylinder with valves, for this study")
     shaft = machine.crankshaft
     return Compressor(
         of_cylinder(machine.mechanism),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._core.display import shown
-from ..._core.errors import BadInput
+from ..._core.errors import BadInput, kind_text
 from ...crank import Collocation, solve_orbit
 from ...cylinder import Cylinder
 from ...machine import Machine, assembled
@@ -80,7 +80,7 @@ class Trace(AbstractMeasurement):
         valves = isinstance(gas, Cylinder)
         if (not valves and self.quantities != ("speed",)) or (valves and not gas.inert):
             bound = "a cylinder with valves that have a `port_length`; without, speed alone"
-            raise BadInput(f"{self.source}: gas", type(gas).__name__, bound)
+            raise BadInput(f"{self.source}: gas", kind_text(gas), bound)
         for path, value in zip(self.paths, self.settings, strict=True):
             variable(machine, path, value, value)
         if "speed" in self.quantities:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from ..._core.errors import BadInput
+from ..._core.errors import BadInput, kind_text
 from ...cylinder import Cylinder
 from ...fluid import RealGas
 from ...machine import Machine, assembled
@@ -105,7 +105,7 @@ class Readings(AbstractMeasurement):
         compressor = assembled(machine).compressor
         gas = None if compressor is None else compressor.gas
         if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
-            raise BadInput("gas", type(gas).__name__, "a cylinder with valves and a real gas")
+            raise BadInput("gas", kind_text(gas), "a cylinder with valves and a real gas")
         if not gas.inert:
             bound = "given on both valves: without, a cycle has no exact slopes"
             raise BadInput("port_length", "absent", bound)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._core.errors import BadInput
+from ..._core.errors import BadInput, kind_text
 from ...cylinder import Cylinder
 from ...fluid import RealGas
 from ...machine import HasMachine, Machine, machine_of
@@ -91,7 +91,7 @@ def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
     compressor = design.as_compressor()
     gas, nominal = compressor.gas, float(compressor.motor.speed_guess)
     if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
-        raise BadInput("gas", type(gas).__name__, "a cylinder with valves and a real gas")
+        raise BadInput("gas", kind_text(gas), "a cylinder with valves and a real gas")
     fluid = gas.fluid
 
     @jax.jit
