@@ -225,6 +225,11 @@ _BUILT_IN = (
              lambda r: {k.replace(" ", "_"): v for k, v in r.orbit.cycle.volume_losses.items()},
              _CYCLE, percent=True),
 )  # fmt: skip
+# Quantities that stand before the others, as far as a machine has them.
+HEADLINES = (
+    "cop", "capacity", "electric_power", "overall_efficiency", "mechanical_efficiency", "motor_power",
+    "least_film", "vibration",
+)  # fmt: skip
 _registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
 
 # Design variables that change a machine as a whole, with what they keep; see `jaxcomp.design_rules`.

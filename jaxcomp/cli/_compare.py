@@ -25,9 +25,12 @@ def compare(
         list[str] | None, typer.Option("--with", autocompletion=opt.complete_variable)
     ] = None,
     sets: opt.Sets = None,
+    quantity: opt.Quantities = None,
     output: OutputWithoutScene,
 ) -> None:
     """Show efficiency, power, losses, forces and dimensions of designs beside each other.
+
+    Of machines with valves COP, capacity, electric power and what it is spent on as well.
 
     Changes are those against the first design. `--set` holds for all of them.
 
@@ -37,6 +40,8 @@ def compare(
         machines: Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.
         variants (NAME=VALUE): A variant of the machine: a value as for --set, or a design rule such as
             bore=120mm (at fixed displacement). Repeatable: each is a design of its own.
+        quantity (NAME): Show this quantity and the dimensions alone, e.g. cop or peak_force.crank_pin.
+            Repeatable.
     """
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
@@ -44,7 +49,7 @@ def compare(
     start_jax(once=True)
     scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
-        found = jc.study.compare(scenes)
+        found = jc.study.compare(scenes, quantities=quantity)
     machines_used = [
         {"label": label, "machine": scene.name, "file": scene.file}
         for label, scene in scenes.items()
@@ -52,8 +57,8 @@ def compare(
     output.emit(
         found,
         lambda _: [beside_table(found)],
-        lambda: {"losses": jc.plot.interface.compared_losses(found)},
-        written="Report, picture and result",
+        lambda: jc.plot.interface.compared_figures(found),
+        written="Report, pictures and result",
         beside={"machines": machines_used, "set": list(sets or ())},
     )
 

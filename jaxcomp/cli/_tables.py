@@ -126,7 +126,7 @@ def column_table(
 def beside_table(found: "Comparison") -> Table:
     """Losses, forces and dimensions of designs, and the change of each against the first."""
     first, *others = found.labels
-    heads = ("Losses, forces, dimensions", first, *_alternating(others, ["Change"] * len(others)))
+    heads = ("Quantities, dimensions", first, *_alternating(others, ["Change"] * len(others)))
     cells = []
     for name, unit, values in found.rows:
         look = shown(name, unit, [x for x in values if x is not None])

@@ -12,12 +12,13 @@ from panel.io import hold
 
 from .._core.display import SYSTEMS
 from .._core.errors import BadInput
+from .._core.registry import HEADLINES
 from .._core.status import SolveFailed
 from ..scene import Scene, SceneError, loads
 from ._layout import DARK, LIGHT, TABLE, WIDE, as_it_is, grid, sides
 from ._pictures import Pictures
 from ._slider import Slider
-from ._state import HEADLINES, Desk, Improvement
+from ._state import Desk, Improvement
 
 # Sliders that a fresh page has: those of the numbers that the chosen quantity gains most by.
 _SLIDERS = 6

@@ -32,11 +32,6 @@ from ..study import (
 from ..study.interface import GivenNumber, given_numbers, list_length, variable_label
 
 _SOURCE = "set at the desk"
-# Quantities that stand before the others, as far as a machine has them.
-HEADLINES = (
-    "cop", "capacity", "electric_power", "overall_efficiency", "mechanical_efficiency", "motor_power",
-    "least_film", "vibration",
-)  # fmt: skip
 _FIRST = ("cop", "mechanical_efficiency")
 
 

@@ -10,9 +10,20 @@ from ..study.tolerance import Tolerances
 from . import _style as style
 
 _LOW, _HIGH, _SECOND, _LIMIT = "#0072B2", "#D55E00", "#56437F", "#CC0000"
-_LOSS = "loss_power."
+_LOSS, _USE = "loss_power.", "power_use."
 # Bars of a sensitivity and of a tornado that still can be read.
 _BARS, _ROWS = 18, 14
+
+
+def compared_figures(found: Comparison) -> dict[str, Figure]:
+    """All pictures of a comparison, by name: those of which it has numbers."""
+    draw = {"power_use": (_USE, compared_power_use), "losses": (_LOSS, compared_losses)}
+    names = [row.name for row in found.rows]
+    return {
+        name: function(found)
+        for name, (family, function) in draw.items()
+        if any(one.startswith(family) for one in names)
+    }
 
 
 def compared_losses(found: Comparison) -> Figure:
@@ -21,19 +32,39 @@ def compared_losses(found: Comparison) -> Figure:
     Args:
         found: of `compare`.
     """
-    labels, rows = found.labels, found.rows
-    losses = {one.name[len(_LOSS) :]: one.values for one in rows if one.name.startswith(_LOSS)}
-    values = np.array([[x or 0.0 for x in row] for row in losses.values()]).reshape(-1, len(labels))
-    size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(losses))
-    figure, ax = style.single(size, "Friction losses")
+    return _compared_family(found, _LOSS, "Friction losses", "Power lost, W")
+
+
+def compared_power_use(found: Comparison) -> Figure:
+    """What the electric (or shaft) power of machines with valves is spent on, with a bar for each design.
+
+    Args:
+        found: of `compare`.
+    """
+    return _compared_family(found, _USE, "What the power is spent on", "Power, W")
+
+
+def _compared_family(found: Comparison, family: str, title: str, label: str) -> Figure:
+    """The members of a family of powers [W], with a bar for each design."""
+    labels = found.labels
+    members = {
+        one.name.removeprefix(family): one.values
+        for one in found.rows
+        if one.name.startswith(family)
+    }
+    values = np.array([[x or 0.0 for x in row] for row in members.values()])
+    values = values.reshape(-1, len(labels))
+    size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(members))
+    figure, ax = style.single(size, title)
     shifts, height = style.side_by_side(len(labels))
-    for place, label in enumerate(labels):
-        at, tint = np.arange(len(losses)) + shifts[place], style.colour("", place)
-        bars = ax.barh(at, values[:, place], height, color=tint, label=label)
-        texts = ["" if row[place] is None else f"{row[place]:.3g} W" for row in losses.values()]
+    for place, name in enumerate(labels):
+        at, tint = np.arange(len(members)) + shifts[place], style.colour("", place)
+        bars = ax.barh(at, values[:, place], height, color=tint, label=name)
+        texts = ["" if row[place] is None else f"{row[place]:.3g} W" for row in members.values()]
         ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
-    style.named_rows(ax, list(map(style.words, losses)))
-    ax.set(xlim=(0, 1.2 * max(values.max(initial=0.0), 1e-12)), xlabel="Power lost, W")
+    style.named_rows(ax, list(map(style.words, members)))
+    low, high = values.min(initial=0.0), max(values.max(initial=0.0), 1e-12)
+    ax.set(xlim=(1.2 * low, 1.2 * high), xlabel=label)
     style.legend_above(ax)
     return figure
 

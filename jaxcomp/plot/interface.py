@@ -27,7 +27,9 @@ from ._cylinder import power_use as power_use
 from ._cylinder import rating_figures as rating_figures
 from ._cylinder import valve_losses as valve_losses
 from ._cylinder import valve_motion as valve_motion
+from ._designs import compared_figures as compared_figures
 from ._designs import compared_losses as compared_losses
+from ._designs import compared_power_use as compared_power_use
 from ._designs import sensitivity_figures as sensitivity_figures
 from ._designs import tolerance_figures as tolerance_figures
 from ._fine import fine_turn as fine_turn

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.errors import BadInput
+from .._core.errors import BadInput, MissingPart
+from .._core.exported import kept_jit
 from .._core.fields import (
     ANY,
     NONNEGATIVE,
@@ -27,6 +28,7 @@ from .._core.fields import (
     replaced,
     subparts,
 )
+from .._core.registry import HEADLINES, Quantity, offered_values, registered
 from .._core.results import Data, Result
 from .._core.status import SolveFailed
 from ..compressor import Compressor, HasCompressor, compressor_of
@@ -35,8 +37,12 @@ from ..crankshaft import counterweights
 from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
 from ..machine import HasMachine, Machine, machine_of
 from ..mechanism import SliderCrank, SliderLink
+from ._analysis import DesignResult, quantity_named
+from ._options import AnalysisOptions
 from ._rules import design_rules
 
+# What quantities may need that follow from the crank's motion and the gas alone.
+_OF_CRANK = {"orbit", "cycle", "refrigerant", "motor.losses", "compressor"}
 # The pair of a rod drive that does the work of a pair of the slider-link, where names differ.
 _COUNTERPART = {"link_slider": "piston_pin"}
 
@@ -242,6 +248,7 @@ def compare(
     machines: Mapping[str, Compressor | HasCompressor],
     solver: Collocation | None = None,
     *,
+    quantities: Sequence[str] | None = None,
     throw: bool = True,
 ) -> Comparison:
     """Solve the periodic states of some designs, and put them beside each other.
@@ -249,11 +256,15 @@ def compare(
     Args:
         machines: compressors, machines or scenes by label.
         solver: of the periodic state, as `solve_orbit` takes it.
+        quantities: by name, which are shown alone; if absent what machines of their kind are judged by
+            (of machines with valves COP, capacity and electric power among them), losses and forces.
         throw: raise if one does not converge.
 
     Raises:
+        BadInput: an unknown quantity, or one that no design has.
         SolveFailed: no convergence; the message names the design.
     """
+    asked = quantities and tuple(map(quantity_named, quantities))
     figures = []
     for label, one in machines.items():
         try:
@@ -261,14 +272,67 @@ def compare(
         except SolveFailed as error:
             error.args = (f"{label}: {error}",)
             raise
-        single = (one for one in orbit.described() if not one.dims)
-        figures.append({
-            one.name: (one.unit, float(one.values))
-            for one in single if not one.name.endswith("residual")
-        })  # fmt: skip
+        if asked:
+            figures.append(_values_of(one, orbit, asked, offered=False))
+        else:
+            figures.append(_figures(one, orbit))
+    for wanted in asked or ():
+        if not any(wanted.name in table for table in figures):
+            first = next(iter(machines.values()))
+            raise MissingPart(wanted.name, wanted.missing(_described(first)))
     dimensions = _joined([dict(_dimensions(one)) for one in machines.values()])
     differing = [row for row in dimensions if len(set(row.values)) > 1]
     return Comparison(tuple(machines), (*_joined(figures), *differing))
+
+
+def _figures(machine: Any, orbit: Orbit) -> dict[str, tuple[str, float]]:
+    """Unit and value of what a design is judged by: headlines, the single numbers of its orbit, power."""
+    wanted = [quantity_named(name) for name in HEADLINES]
+    wanted += [one for one in registered() if one.family == "power_use"]
+    judged = tuple(one for one in wanted if {*one.needs} <= _OF_CRANK)
+    values = _values_of(machine, orbit, judged)
+    single = {
+        one.name: (one.unit, float(one.values))
+        for one in orbit.described()
+        if not one.dims and not one.name.endswith("residual")
+    }
+    first = {name: value for name, value in values.items() if name in HEADLINES}
+    return first | single | values
+
+
+def _values_of(
+    machine: Any, orbit: Orbit, quantities: tuple[Quantity, ...], offered: bool = True
+) -> dict[str, tuple[str, float]]:
+    """Unit and value of those quantities that a design has, a family member by member."""
+    design = _described(machine)
+    suiting = tuple(one for one in quantities if not one.missing(design))
+    values = jax.device_get(_evaluated(design, orbit, suiting, offered)) if suiting else {}
+    out = {}
+    for one in suiting:
+        if one.name not in values:
+            continue
+        members = values[one.name] if one.family else {"": values[one.name]}
+        for member, value in members.items():
+            name = f"{one.family}.{member}" if member else one.name
+            out[name] = one.unit, float(value)
+    return out
+
+
+def _described(machine: Any) -> Machine:
+    """The machine of a scene; of a compressor alone one without further sections."""
+    return Machine(machine) if isinstance(machine, Compressor) else machine_of(machine)
+
+
+@kept_jit
+def _evaluated(
+    design: Machine, orbit: Orbit, quantities: tuple[Quantity, ...], offered: bool
+) -> dict[str, Any]:
+    """Quantities of a design whose orbit is known; those that are not offered but asked for may fail."""
+    result = DesignResult(design, AnalysisOptions())
+    result.orbit = orbit
+    if offered:
+        return offered_values(quantities, result)
+    return {one.name: one.value(result) for one in quantities}
 
 
 def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuantity]:

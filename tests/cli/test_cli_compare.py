@@ -69,6 +69,34 @@ def test_the_folder_has_one_picture_and_the_result(found):
     assert names == {"losses.png", "result.json", "report.html"}
 
 
+def test_a_quantity_is_shown_alone(tmp_path):
+    words = ("mayekawa-wbhe", "--with", "motor.mean_speed=800rpm", "--out", tmp_path)
+    done = compare(*words, "--quantity", "peak_force.crank_pin", "--quantity", "swept_volume")
+    assert done.exit_code == 0, done.output
+    names = [row["name"] for row in read_json((tmp_path / "result.json").read_text())["figures"]]
+    assert names == ["peak_force.crank_pin", "swept_volume", "motor.mean_speed"]
+    assert not list(tmp_path.glob("*.png"))
+    for name, words_ in (("cop", "needs valves"), ("peak_forc", "did you mean")):
+        done = compare(*words[:3], "--quantity", name)
+        assert done.exit_code == 2
+        assert words_ in done.stderr
+
+
+@pytest.mark.slow  # compiles the cycle of a machine with valves
+def test_machines_with_valves_have_what_they_are_judged_by_first(tmp_path):
+    done = compare("r290-6cc", "mayekawa-wbhe", "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    rows = read_json((tmp_path / "result.json").read_text())["figures"]
+    names = [row["name"] for row in rows]
+    assert names[:4] == ["cop", "capacity", "electric_power", "overall_efficiency"]
+    values = {row["name"]: row["values"] for row in rows}
+    assert values["cop"][1] is None
+    use = [one[0] for name, one in values.items() if name.startswith("power_use.")]
+    # ten powers, to rounding and the closure of the cycle's balance
+    assert sum(use) == pytest.approx(values["electric_power"][0], rel=1e-6)
+    assert {file.name for file in tmp_path.glob("*.png")} == {"power_use.png", "losses.png"}
+
+
 ROWS = (
     ComparedQuantity("mechanical_efficiency", "", (0.9, 0.92, None)),
     ComparedQuantity("loss_power.wall", "W", (200.0, 150.0, None)),
