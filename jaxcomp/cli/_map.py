@@ -84,10 +84,29 @@ def rating_map(
         lambda _: map_tables(found, scene.name),
         lambda: jc.plot.interface.rating_figures(found, scene.name),
         scene,
-        {"map": found.columns},
+        {"map": lambda: _columns(found)},
         files=lambda: files,
         beside={"machine": scene.name, "file": scene.file, **case.changes},
     )
+
+
+def _columns(found: jc.study.rating.RatingMap) -> dict[str, list[float]]:
+    """The points for people: temperatures in degrees Celsius, numbers with the digits that they have."""
+    from ..study.rating import ZERO
+
+    columns = {}
+    for name, values in found.columns().items():
+        degrees = name.endswith(" [K]")
+        shift = ZERO if degrees else 0.0
+        head = f"{name.removesuffix(' [K]')} [degC]" if degrees else name
+        columns[head] = [value if isinstance(value, bool) else _rounded(value - shift)
+                         for value in values.tolist()]  # fmt: skip
+    return columns
+
+
+def _rounded(value: float) -> float:
+    """Six digits, of which a map has fewer."""
+    return float(f"{value:.6g}")
 
 
 def _at_speeds(case: opt.Case, speeds: str | None) -> list[jc.scene.Scene]:

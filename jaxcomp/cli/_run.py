@@ -8,6 +8,7 @@ from typing import Any
 import jaxcomp as jc
 
 from . import _options as opt
+from ._curves import curves
 from ._output import Output, header, print_tables
 from ._run_tables import run_tables, undelivered_tables
 from ._start import refuse, waiting
@@ -21,6 +22,7 @@ def run(
     cycle: opt.CycleOption = None,
     verify: bool = False,
     moving_films: bool = False,
+    step: float | None = None,
     output: Output,
 ) -> None:
     """Find the periodic state of a machine and print efficiency, losses and forces.
@@ -33,9 +35,18 @@ def run(
         verify: March one revolution from the result with diffrax, independently, and print the errors
             that it finds; always done with --out.
         moving_films: Show as well what the journals with steady films would do if they moved.
+        step (DEGREES): Of the crank angle in curves.csv, from -180 to 180, e.g. 1; at the nodes of the
+            solver if absent.
     """
     if tolerance is not None:
         refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
+    even = step is None or (0.01 <= step <= 90 and abs(360 / step - round(360 / step)) < 1e-9)
+    refuse(
+        not even, f"--step {step}: must divide 360 degrees and be from 0.01 to 90, such as 1 or 0.5"
+    )
+    refuse(
+        step is not None and output.out is None, "--step: is for curves.csv, and needs --out FOLDER"
+    )
     scene = case.scene(once=True)
     compressor = scene.as_compressor()
     method = opt.with_cycle(opt.solver_of(solver, compressor), cycle)
@@ -48,18 +59,9 @@ def run(
         lambda whole: run_tables(scene, whole),
         lambda: jc.plot.interface.steady_state_figures(found),
         scene,
-        {"curves": lambda: _curves(found)},
+        {"curves": lambda: curves(found, step)},
         beside={**header(scene), "tolerance": method.tolerance, **case.changes},
     )
-
-
-def _curves(found: jc.study.SteadyState) -> dict[str, Any]:
-    """The columns of a result with the crank angle in degrees in front."""
-    import numpy as np
-
-    columns = found.columns()
-    named = {f"{k} []" if k.startswith("eccentricity.") else k: v for k, v in columns.items()}
-    return {"crank_angle [deg]": np.rad2deg(columns["crank_angle [rad]"]), **named}
 
 
 def _solved(

@@ -32,17 +32,24 @@ class FineTurn(NamedTuple):
 
 
 @eqx.filter_jit
-def fine_turn(compressor: Compressor, orbit: Orbit) -> FineTurn:
+def fine_turn(
+    compressor: Compressor, orbit: Orbit, angle: Float[Array, " n"] | None = None
+) -> FineTurn:
     """Evaluate the laws of the machine between the nodes of its orbit.
 
     The speed is the cubic through the nodes with the slope that the acceleration gives; everything
     else follows from speed and angle.
+
+    Args:
+        compressor: whose orbit it is.
+        orbit: the periodic state.
+        angle: [rad] of the crank; a revolution from the first kink, with both sides of each, if absent.
     """
     compressor = orbit.under_gas(compressor)
-    kinks = kink_angles(compressor)
-    start = kinks[0]
-    even = start + jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES + 1)
-    angle = jnp.sort(jnp.concatenate([even, kinks - _BESIDE_KINK, kinks + _BESIDE_KINK]))
+    if angle is None:
+        kinks = kink_angles(compressor)
+        even = kinks[0] + jnp.linspace(0.0, 2 * jnp.pi, _SAMPLES + 1)
+        angle = jnp.sort(jnp.concatenate([even, kinks - _BESIDE_KINK, kinks + _BESIDE_KINK]))
     nodes, speeds, rises = orbit.state
     speed = _periodic_cubic(angle, nodes, speeds, rises / speeds)
     motor = jnp.interp(angle, nodes, orbit.motor_torque, period=2 * jnp.pi)

@@ -264,7 +264,7 @@ def compare(
         BadInput: an unknown quantity, or one that no design has.
         SolveFailed: no convergence; the message names the design.
     """
-    asked = quantities and tuple(map(quantity_named, quantities))
+    asked = tuple(map(quantity_named, quantities or ()))
     figures = []
     for label, one in machines.items():
         try:
@@ -276,7 +276,7 @@ def compare(
             figures.append(_values_of(one, orbit, asked, offered=False))
         else:
             figures.append(_figures(one, orbit))
-    for wanted in asked or ():
+    for wanted in asked:
         if not any(wanted.name in table for table in figures):
             first = next(iter(machines.values()))
             raise MissingPart(wanted.name, wanted.missing(_described(first)))

@@ -108,6 +108,10 @@ def test_a_map_writes_its_points_and_pictures(tmp_path, monkeypatch):
     assert pictures == {"capacity", "power", "cop", "overall_efficiency"}
     rows = (tmp_path / "map.csv").read_text().splitlines()
     assert len(rows) == 1 + 6
+    assert rows[0].startswith("evaporating [degC],condensing [degC],capacity [W]")
+    assert rows[-1].startswith("-10.0,50.0,263.15,586.3,909.45,")
+    assert "discharge_temperature [degC]" in rows[0]
+    assert max(map(len, ",".join(rows[1:]).split(","))) <= len("-0.000123456")
 
 
 @pytest.mark.slow  # two minutes of compilation

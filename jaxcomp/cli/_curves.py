@@ -1,0 +1,112 @@
+"""The curves of a periodic state over the crank angle, as `curves.csv` has them."""
+
+from __future__ import annotations
+
+from operator import itemgetter
+from typing import Any
+
+import jax
+import numpy as np
+
+import jaxcomp as jc
+
+from .._core.each import of_cylinder
+from ..cylinder.interface import SeveralCycles
+
+_TURN = 2 * np.pi
+# Columns of a cycle that are not those of the orbit, by the name that they have beside those.
+_OF_GAS = {
+    "volume [m^3]": "volume{} [m^3]",
+    "temperature [K]": "gas_temperature{} [K]",
+    "mass [kg]": "gas_mass{} [kg]",
+}
+
+
+def curves(found: jc.study.SteadyState, step: float | None = None) -> dict[str, Any]:
+    """The columns of a periodic state with the crank angle in degrees in front.
+
+    Args:
+        found: the periodic state.
+        step: [deg] of an even grid from -180 to 180; at the nodes of the solver if absent.
+    """
+    columns = found.columns()
+    nodes = np.asarray(columns.pop("crank_angle [rad]"))
+    angle = nodes
+    if step is not None:
+        count = round(360 / step)
+        angle = np.deg2rad(np.linspace(-180.0, 180.0, count + 1))
+        columns = _on_grid(found, columns, nodes, angle)
+    columns |= _of_gas(found, angle)
+    degrees = np.rad2deg(angle)
+    if step is not None:
+        degrees = np.round(degrees, 9)
+        # both ends are one place, which may be a kink of which each would see another side
+        for name, values in columns.items():
+            if name != "time [s]":
+                columns[name] = np.append(values[:-1], values[0])
+    named = {f"{k} []" if k.startswith("eccentricity.") else k: v for k, v in columns.items()}
+    return {"crank_angle [deg]": degrees, "crank_angle [rad]": angle, **named}
+
+
+def _on_grid(
+    found: jc.study.SteadyState, columns: dict[str, Any], nodes: np.ndarray, angle: np.ndarray
+) -> dict[str, Any]:
+    """Columns at other angles: what the laws of the machine give there, the rest from node to node."""
+    orbit = found.orbit
+    turn = jc.plot.interface.fine_turn(found.compressor, orbit, angle)
+    laws = {
+        "speed [rad/s]": turn.state.speed,
+        "acceleration [rad/s^2]": turn.state.acceleration,
+        "motor_torque [N m]": turn.motor_torque,
+        "gas_torque [N m]": turn.gas_torque,
+    }
+    for name, torque in turn.loads.loss_torque.items():
+        laws[f"friction_torque.{name} [N m]"] = torque
+    for name, force in turn.loads.forces.items():
+        laws[f"joint_force.{name}.x [N]"] = force[0]
+        laws[f"joint_force.{name}.y [N]"] = force[1]
+        laws[f"joint_force.{name} [N]"] = np.hypot(*force)
+    if turn.pressure is not None:
+        for number, pressure in enumerate(turn.pressure, 1):
+            several = f".{number}" if len(turn.pressure) > 1 else ""
+            laws[f"pressure{several} [Pa]"] = pressure
+    period, out = float(orbit.period), {}
+    for name, values in columns.items():
+        if name in laws:
+            out[name] = np.asarray(laws[name])
+        elif name == "time [s]":
+            late = np.interp(angle, nodes, values - period * nodes / _TURN, period=_TURN)
+            time = late + period * angle / _TURN
+            out[name] = time - time[0]
+        else:
+            out[name] = np.interp(angle, nodes, values, period=_TURN)
+    return out
+
+
+def _of_gas(found: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
+    """Volume of every cylinder; with valves their lift and flow, temperature and mass of the gas too."""
+    compressor, cycle = found.compressor, found.orbit.cycle
+    if compressor.gas is None:
+        return {}
+    out, phases = {}, np.asarray(compressor.crankshaft.phase)
+    for number, phase in enumerate(phases):
+        several = f".{number + 1}" if len(phases) > 1 else ""
+        own = angle + phase
+        if cycle is None:
+            mechanism = of_cylinder(compressor.mechanism, number + 1)
+            top = mechanism.piston_extremes()[0]
+            stroke = top - mechanism.piston(own)[0]
+            out[f"displaced_volume{several} [m^3]"] = np.asarray(mechanism.piston_area * stroke)
+            continue
+        one: Any = cycle
+        if isinstance(cycle, SeveralCycles):
+            one = jax.tree.map(itemgetter(number), cycle.each)
+        at = np.asarray(one.angle)
+        for name, values in one.columns().items():
+            shown = _OF_GAS.get(name)
+            if name.startswith(("lift.", "flow.", "plenum_pressure.")):
+                head, bracket, unit = name.partition(" [")
+                shown = f"{head}{{}}{bracket}{unit}"
+            if shown is not None:
+                out[shown.format(several)] = np.interp(own, at, values, period=_TURN)
+    return out
