@@ -33,12 +33,20 @@ def points_and_range(scene: jc.scene.Scene, single: Sequence[str] | None, speeds
     """[rad/s] Single speeds of `--speed`, `--speeds` or the scene; the range of `--speeds`, or `None`."""
     import numpy as np
 
+    needs_rotor(scene)  # told before a speed that the command line lacks
     given = None if speeds is None else speeds_of(speeds)
     range_ = given if ":" in (speeds or "") else None
     points = [speed_of(text, f"--speed {text}") for text in single or ()]
     if given is not None and range_ is None:
         points += given.tolist()
     return np.array(points) if points else scene_speeds(scene), range_
+
+
+def needs_rotor(scene: jc.scene.Scene) -> None:
+    """Refuse a machine without a rotor."""
+    if "rotor" not in scene.parts:
+        missing = f"the machine file has no [rotor], which `{command_name()}` needs"
+        raise jc.scene.SceneError("", missing, file=scene.file)
 
 
 def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.RotorModel:
@@ -50,9 +58,7 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
     """
     import numpy as np
 
-    if "rotor" not in scene.parts:
-        missing = f"the machine file has no [rotor], which `{command_name()}` needs"
-        raise jc.scene.SceneError("", missing, file=scene.file)
+    needs_rotor(scene)
     wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
     model = jc.rotor_at(scene, np.unique(wanted))
     assert not isinstance(model, jc.rotor.interface.System)  # a scene holds no prepared one

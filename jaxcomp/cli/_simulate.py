@@ -12,7 +12,7 @@ import jaxcomp as jc
 
 from . import _options as opt
 from ._output import Output, header
-from ._start import refuse, waiting
+from ._start import CommandError, refuse, waiting
 from ._tables import row_table, value_rows, words
 
 # Instants of a long run with valves, whose files would otherwise grow with it.
@@ -25,7 +25,7 @@ Method = Literal["tsit5", "dopri8", "kvaerno3", "kvaerno5"]
 
 def simulate(
     *,
-    duration: Annotated[str, typer.Option()],
+    duration: str | None = None,
     speed: str = "0 rpm",
     angle: str = "0 deg",
     power_off: str | None = None,
@@ -46,7 +46,7 @@ def simulate(
     result[/bold]
 
     Args:
-        duration (TIME): Time to integrate, e.g. 2s.
+        duration (TIME): Time to integrate, e.g. 2s. Must be given.
         speed (SPEED): Speed at the start, e.g. 900rpm.
         angle (ANGLE): Crank angle at the start, e.g. 90deg.
         power_off (TIME): Instant at which the motor is switched off.
@@ -63,10 +63,13 @@ def simulate(
         return float(jc.scene.interface.to_si(text, unit, option))
 
     scene = case.scene(once=True)
+    compressor = scene.as_compressor()  # a machine without one is told before the duration
+    if duration is None:
+        raise CommandError("--duration: is missing; e.g. --duration 2s")
     end = si(duration, "s", "--duration")
     refuse(not end > 0, f"--duration {duration}: must be > 0")
     off = None if power_off is None else si(power_off, "s", "--power-off")
-    compressor, steps, listed = scene.as_compressor(), 65536, 501
+    steps, listed = 65536, 501
     valves = isinstance(compressor.gas, jc.cylinder.Cylinder)
     if valves:
         steps, listed = _steps_with_valves(compressor, end, duration)

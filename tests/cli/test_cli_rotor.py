@@ -493,3 +493,11 @@ def test_pictures_show_the_numbers(file):
     np.testing.assert_allclose(circle.get_xydata(), [[15.5 / RPM, 15.5 / (2 * np.pi)]])
     forward = next(line for line in ax.lines if line.get_label() == "forward")
     np.testing.assert_allclose(forward.get_ydata() * 2 * np.pi, [15.0, 16.0])
+
+
+@pytest.mark.parametrize("command", ["modes", "respond"])
+def test_a_rotor_that_lacks_is_told_before_a_speed_that_lacks(command):
+    # its motor has a torque curve: the machine names no speed
+    done = CliRunner().invoke(app, [command, "slider-link-8cc"])
+    assert done.exit_code == 2
+    assert f"the machine file has no [rotor], which `{command}` needs" in done.stderr

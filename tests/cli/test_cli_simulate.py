@@ -90,6 +90,7 @@ def test_picture_shows_speed_and_works(stop):
         (("--duration", "1s"), "must be a torque law over speed"),
         (("--duration", "0s", "--set", SET), "--duration 0s: must be > 0"),
         (("--duration", "1kg"), "--duration"),
+        ((), "--duration: is missing"),
         (("--duration", "1s", "--tolerance", "2"), "--tolerance 2: must be > 0 and < 1"),
     ],
 )
