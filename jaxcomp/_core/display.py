@@ -110,8 +110,9 @@ class Shown(NamedTuple):
         return self._replace(zero=0.0, celsius=False)
 
     def difference(self, value: float, digits: int = 5) -> str:
-        """The difference of two values [SI] with its unit, to so many `digits`."""
-        return self.differences.text(value, digits)
+        """The difference of two values [SI] with its unit, to so many `digits`; of shares in points."""
+        text = self.differences.text(value, digits)
+        return f"{text.removesuffix('%')}points" if self.unit == "%" else text
 
 
 def spelled(name: str) -> tuple[str, bool]:

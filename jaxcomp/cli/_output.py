@@ -205,7 +205,9 @@ def result_files(
         contents[f"{name}.csv"] = csv_text(dict(columns)).encode()
     if scene is not None:
         contents["scene.toml"] = dump(scene).encode()
-    if figures and find_spec("plotly"):
+    # moving pictures have no hover and no zoom
+    still = [name for name, figure in figures.items() if not isinstance(figure, bytes)]
+    if still and find_spec("plotly"):
         from ..plot.interface import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()

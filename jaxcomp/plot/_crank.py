@@ -231,7 +231,8 @@ def loss_shares(orbit: Orbit) -> Figure:
     tints = [style.colour(name, place) for place, name in enumerate(losses)]
     bars = ax.barh(range(len(losses)), list(losses.values()), color=tints, height=0.62)
     labels = [
-        f"{loss:.3g} J   {loss / period:.3g} W   {100 * loss / total if total else 0:.1f} %"
+        f"{style.plain_number(loss)} J   {style.plain_number(loss / period)} W   "
+        f"{100 * loss / total if total else 0:.1f} %"
         for loss in losses.values()
     ]
     ax.bar_label(bars, labels, padding=4, fontsize=8.5, color=style.INK)

@@ -125,13 +125,14 @@ def power_use(performance: Performance) -> Figure:
     values = np.array([float(performance.power[name]) for name in names])
     left = np.concatenate([[0.0], np.cumsum(values)[:-1]])
     whole = float(performance.electric_power)
-    title = f"Use of {whole:.4g} W; overall efficiency {100 * performance.overall_efficiency:.1f} %"
+    share = 100 * performance.overall_efficiency
+    title = f"Use of {style.plain_number(whole, 4)} W; overall efficiency {share:.1f} %"
     figure, ax = style.single((7.2, 0.45 * len(names) + 1.4), title)
     tints = [_GAS, *[_DISCHARGE] * (len(names) - 1)]
     ax.barh(range(len(names)), values, left=left, color=tints, height=0.62)
     ends = np.maximum(left, left + values) + 0.01 * whole
     for place, (end, value) in enumerate(zip(ends, values, strict=True)):
-        text = f"{value:.3g} W   {100 * value / whole:.1f} %"
+        text = f"{style.plain_number(value)} W   {100 * value / whole:.1f} %"
         ax.text(end, place, text, va="center", fontsize=8.5, color=style.INK)
     style.named_rows(ax, list(map(style.words, names)))
     ax.set(xlim=(0, 1.22 * whole), xlabel="Power, W")

@@ -60,7 +60,10 @@ def _compared_family(found: Comparison, family: str, title: str, label: str) -> 
     for place, name in enumerate(labels):
         at, tint = np.arange(len(members)) + shifts[place], style.colour("", place)
         bars = ax.barh(at, values[:, place], height, color=tint, label=name)
-        texts = ["" if row[place] is None else f"{row[place]:.3g} W" for row in members.values()]
+        texts = [
+            "" if row[place] is None else f"{style.plain_number(row[place])} W"
+            for row in members.values()
+        ]
         ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
     style.named_rows(ax, list(map(style.words, members)))
     low, high = values.min(initial=0.0), max(values.max(initial=0.0), 1e-12)

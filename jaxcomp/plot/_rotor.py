@@ -213,6 +213,30 @@ def response_orbits(found: RotorMotion) -> Figure:
     return figure
 
 
+# Modes that a Campbell diagram has room for at least.
+_SHOWN = 4
+
+
+def _highest_shown(hertz: np.ndarray, spin: float) -> float:
+    """[Hz] Upper end of a Campbell diagram: up to the second order, to some modes at least.
+
+    Args:
+        hertz: [Hz] (speeds, modes) frequencies of modes that a response could show, others not numbers.
+        spin: [Hz] the highest speed.
+    """
+    known = [
+        float(np.max(column[np.isfinite(column)]))
+        for column in hertz.T
+        if np.isfinite(column).any()
+    ]
+    if not known:
+        return 1.3 * 2 * spin
+    known.sort()
+    some = 1.15 * known[:_SHOWN][-1]
+    every = max(1.15 * known[-1], 1.15 * spin)
+    return min(max(1.3 * 2 * spin, some), every)
+
+
 def campbell_diagram(
     campbell: CampbellDiagram | DampedModes, speeds: Sequence[float] = ()
 ) -> Figure:
@@ -233,12 +257,12 @@ def campbell_diagram(
     rpm, modes = np.array(campbell.speeds) * RPM, campbell.modes
     hertz, whirl, damping = map(np.array, (modes.frequency, modes.whirl, modes.damping_ratio))
     hertz = hertz / (2 * np.pi)
-    top = 1.3 * 2 * rpm[-1] / 60
+    strong = damping > _STRONG
+    top = _highest_shown(np.where(strong, np.nan, hertz), rpm[-1] / 60)
     above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
     title = f"Campbell diagram; {above} modes lie above" if above else "Campbell diagram"
     figure, ax = style.single((7.2, 4.8), title)
     grid = np.broadcast_to(rpm[:, None], hertz.shape)
-    strong = damping > _STRONG
     senses = (
         ("forward", whirl >= 0.05, "#0072B2", "o"),
         ("backward", whirl <= -0.05, "#D55E00", "s"),

@@ -282,3 +282,10 @@ def legend_outside(ax: Axes, loc: str, ncols: int) -> None:
     """A legend of these axes at the edge of the figure."""
     handles = ax.get_legend_handles_labels()
     ax.figure.legend(*handles, loc=f"outside {loc}", ncols=ncols, frameon=False, fontsize=8.5)
+
+
+def plain_number(value: float, digits: int = 3) -> str:
+    """A number with so many digits, and never with a power of ten that one can write out."""
+    if 10**digits <= abs(value) < 1e7:
+        return f"{float(f'{value:.{digits}g}'):.0f}"
+    return f"{value:.{digits}g}"

@@ -203,6 +203,8 @@ def test_command_writes_small_pictures_and_a_report(machine, pictures, tmp_path)
         assert Image.open(file).n_frames == 24
     page = (tmp_path / "report.html").read_text("utf-8")
     assert page.count("data:image/gif") == len(pictures)
+    # moving pictures have no hover: an interactive page would be empty
+    assert not (tmp_path / "interactive.html").exists()
 
 
 def test_frames_out_of_range_are_refused(tmp_path):

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from jaxcomp import Collocation, plot, solve_orbit
+from jaxcomp._core.display import shown
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._identified import _pairs
-from jaxcomp.plot._style import bars, over_turn
+from jaxcomp.plot._rotor import _highest_shown
+from jaxcomp.plot._style import bars, over_turn, plain_number
 from jaxcomp.scene import load, with_values
 from jaxcomp.vibration import shaking_wrench
 
@@ -205,3 +207,32 @@ def test_ellipses_of_constants_stay_inside_what_was_allowed(bounded):
     inside = (x > 1e-6 * (1 + 1e-9)) & (x < 20e-6 * (1 - 1e-9))
     assert np.allclose(square[inside], 5.991, rtol=1e-2)  # chords of 181 points
     assert (x[0], y[0]) == (x[-1], y[-1])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1700.0, "1700"), (1698.0, "1700"), (232.56, "233"), (8.938, "8.94"), (-12345.0, "-12300")],
+)
+def test_labels_of_bars_write_their_powers_of_ten_out(value, text):
+    assert plain_number(value) == text
+
+
+def test_a_campbell_diagram_has_room_for_its_modes():
+    spin = 50.0
+    # stiff rotors: all modes lie far above twice the speed, the first four are shown
+    high = np.array([[400.0, 500.0, 700.0, 900.0, 3000.0]] * 2)
+    assert 900 < _highest_shown(high, spin) < 1200
+    # soft mounts: all modes lie below the speed, which is shown
+    low = np.array([[3.0, 4.0, 8.0], [3.0, 5.0, 9.0]])
+    assert _highest_shown(low, spin) == pytest.approx(1.15 * spin)
+    # as before where modes lie on either side
+    both = np.array([[20.0, 40.0, 60.0, 80.0, 3000.0]] * 2)
+    assert _highest_shown(both, spin) == pytest.approx(1.3 * 2 * spin)
+    assert _highest_shown(np.full((2, 3), np.nan), spin) == pytest.approx(1.3 * 2 * spin)
+
+
+def test_shares_differ_in_points():
+    look = shown("mechanical_efficiency", "", 0.91)
+    assert look.text(0.91, 3) == "91 %"
+    assert look.difference(0.00426, 3) == "0.426 points"
+    assert shown("motor_power", "W", 5e3).difference(100.0, 3) == "0.1 kW"
