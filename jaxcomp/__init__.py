@@ -27,6 +27,6 @@ def __getattr__(name: str):
     try:
         return _lazily(name)
     except AttributeError:
-        from ._core.words import hint
+        from ._core.words import elsewhere
 
-        raise AttributeError(f"jaxcomp has no {name}{hint(name, __all__)}") from None
+        raise AttributeError(f"jaxcomp has no {name}{elsewhere(name, __all__)}") from None

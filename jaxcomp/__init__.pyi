@@ -80,8 +80,11 @@ from .study import problem as problem
 from .study import sensitivity as sensitivity
 from .study import with_bore as with_bore
 from .study.accuracy import accuracy as accuracy
+from .study.sweep import log_uniform as log_uniform
+from .study.sweep import normal as normal
 from .study.sweep import open_sweep as open_sweep
 from .study.sweep import sweep as sweep
+from .study.sweep import uniform as uniform
 from .study.tolerance import robust as robust
 from .study.tolerance import tolerance as tolerance
 from .study.tolerance import within as within

@@ -56,6 +56,45 @@ def hint(word: object, known: Iterable[object]) -> str:
     return "" if near is None else f' (did you mean "{near}"?)'
 
 
+# Names that people look for in the package, and what there is instead.
+_ELSEWHERE = {
+    "run": "study.steady_state(machine), or solve_orbit(machine.compressor) for the crank alone",
+    "solve": "study.steady_state(machine), or solve_orbit(machine.compressor) for the crank alone",
+    "solve_machine": "study.steady_state(machine)",
+    "steady_state": "study.steady_state(machine)",
+    "check": "scene.implausible_values(machine), or `jaxcomp check FILE`",
+    "compare": "study.compare({label: machine, ...})",
+    "map": "study.rating.rating_map(machine, evaporating, condensing)",
+    "rating_map": "study.rating.rating_map(machine, evaporating, condensing)",
+    "balance": "balancing.least_squares(balancing.direct_influence(...))",
+    "modes": "damped_modes, or vibration.rotor_modes(model, speeds)",
+    "animate": "plot.gif, or `jaxcomp animate FILE`",
+    "desk": "desk.serve(machine), after `import jaxcomp.desk`",
+    "optimize": "optimise",
+    "minimize": "optimise(problem, maximise=False)",
+    "maximize": "optimise(problem, maximise=True)",
+    "monte_carlo": "tolerance(problem, tolerances)",
+    "bearing": "film.steady_bearing, or film.operating_point",
+    "with_value": "scene.with_value(machine, name, value)",
+    "set_value": "scene.with_value(machine, name, value)",
+    "save": "dump(machine) for a machine file, `save` of a result for a result",
+    "read": "load",
+    "open": "load",
+}
+
+
+def elsewhere(name: str, known: Iterable[str]) -> str:
+    """What to use instead of a name that a module does not have; "" if nothing is near.
+
+    Args:
+        name: that was asked for.
+        known: names that the module has.
+    """
+    if name in _ELSEWHERE and name not in known:
+        return f"; use {_ELSEWHERE[name]}"
+    return hint(name, known)
+
+
 def one_of(word: object, known: Iterable[object]) -> str:
     """`one of ...` as the bound of a `BadInput`, with the nearest word where one is near."""
     known = [str(name) for name in known]

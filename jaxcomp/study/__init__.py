@@ -6,4 +6,13 @@ it is first used.
 
 import lazy_loader as _lazy
 
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_lazily, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str):
+    try:
+        return _lazily(name)
+    except AttributeError:
+        from .._core.words import elsewhere
+
+        raise AttributeError(f"jaxcomp.study has no {name}{elsewhere(name, __all__)}") from None

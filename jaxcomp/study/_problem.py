@@ -1,6 +1,7 @@
 r"""A design problem: which numbers change, and what is asked of the result."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -11,8 +12,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
+from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
-from .._core.results import Data
+from .._core.results import Data, with_unit
 from .._core.status import UNNAMED, Status
 from ..crank.interface import default_collocation
 from ..cylinder import Cylinder
@@ -83,6 +85,18 @@ class Problem(eqx.Module):
     variables: tuple[Variable, ...] = eqx.field(static=True)
     quantities: tuple[Asked, ...] = eqx.field(static=True)
     options: AnalysisOptions
+
+    def __repr__(self) -> str:
+        rows = ["Problem"]
+        for one in self.variables:
+            if math.isinf(one.high - one.low):
+                rows.append(f"  variable  {one.name}, any value that it may have")
+                continue
+            look = shown(one.name, one.unit, [one.low, one.high])
+            rows.append(f"  variable  {one.name}, {look.text(one.low)} to {look.text(one.high)}")
+        for name, unit in zip(self.names, self.units, strict=True):
+            rows.append(f"  quantity  {with_unit(name, unit)}")
+        return "\n".join(rows)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,8 +6,11 @@ import re
 import runpy
 from pathlib import Path
 
+import pytest
+
 import jaxcomp
 from jaxcomp._core.results import Result
+from jaxcomp._core.words import _ELSEWHERE
 from jaxcomp.parts import Part
 
 NOTEBOOKS = Path(jaxcomp.__file__).parents[1] / "notebooks"
@@ -75,3 +78,21 @@ def test_what_a_docstring_leaves_out_is_found():
         "raises ValueError",
         "annotation of the result",
     ]
+
+
+def test_names_that_people_look_for_say_what_to_use():
+    # `jaxcomp.desk` is there once it was imported, as another test may have done
+    names = {name: use for name, use in _ELSEWHERE.items() if not hasattr(jaxcomp, name)}
+    assert len(names) >= len(_ELSEWHERE) - 1
+    for name, use in names.items():
+        with pytest.raises(AttributeError, match=re.escape(use)):
+            getattr(jaxcomp, name)
+        for path in re.findall(r"[a-z_]+(?:\.[a-z_]+)+(?=\()", use):
+            here = importlib.import_module("jaxcomp.desk") and jaxcomp
+            for step in path.split("."):
+                here = getattr(here, step)
+            assert callable(here), path
+    with pytest.raises(AttributeError, match=r"jaxcomp\.study has no run; use study\.steady_state"):
+        jaxcomp.study.run  # noqa: B018
+    with pytest.raises(AttributeError, match=r'did you mean "tolerance"'):
+        jaxcomp.tolerances  # noqa: B018

@@ -19,7 +19,8 @@ import xarray
 from distributed import Client, LocalCluster
 from scipy.stats import qmc
 
-from jaxcomp import BadInput, Collocation, open_sweep, sweep
+import jaxcomp as jc
+from jaxcomp import BadInput, Collocation, load, open_sweep, sweep
 from jaxcomp._core.display import shown
 from jaxcomp.study import AnalysisOptions, problem
 from jaxcomp.study.sweep import (
@@ -636,3 +637,25 @@ def test_a_copied_store_opens_elsewhere(small, tmp_path):
     plain = xarray.open_zarr(tmp_path / "moved", consolidated=False, chunks=None)
     np.testing.assert_array_equal(plain.mechanical_efficiency, small.mechanical_efficiency)
     np.testing.assert_array_equal(plain.bore, small.bore)
+
+
+def test_samples_of_a_problem_lie_within_its_ranges():
+    made = problem(load("mayekawa-wbhe"), {"mechanism.bore": (0.1, 0.16)}, ["swept_volume"])
+    found = sweep(made, samples=64, progress=False)
+    bores = found["mechanism.bore"].values
+    assert found.sizes == {"sample": 64}
+    assert 0.1 <= bores.min() < 0.102
+    assert 0.158 < bores.max() <= 0.16
+    same = sweep(made, {"mechanism.bore": jc.uniform(0.1, 0.16)}, samples=64, progress=False)
+    assert np.array_equal(same["mechanism.bore"].values, bores)
+    open_ended = problem(load("mayekawa-wbhe"), ["mechanism.bore"], ["swept_volume"])
+    with pytest.raises(BadInput, match="given one, "):
+        sweep(open_ended, samples=4)
+    with pytest.raises(BadInput, match=r"jaxcomp\.uniform\(0\.1, 0\.16\)"):
+        sweep(load("mayekawa-wbhe"), {"mechanism.bore": (0.1, 0.16)}, samples=4)
+
+
+def test_a_problem_shows_its_variables_ranges_and_quantities():
+    made = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["motor_power"])
+    lines = ["Problem", "  variable  bore, 100 mm to 160 mm", "  quantity  motor_power [W]"]
+    assert repr(made).splitlines() == lines

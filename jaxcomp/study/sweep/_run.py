@@ -16,9 +16,10 @@ from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared, variable
 from .._problem import Asked, problem_of
+from .._variables import Variable
 from ..interface import Problem, by_name, quantity_named
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
-from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent
+from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent, uniform
 from ._store import (
     OK,
     STATUS,
@@ -82,7 +83,7 @@ def sweep(
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, which has its own quantities and options.
         over: values [SI] of each variable by name or pattern (see `Variable`, `matching`), for a
             grid; or a distribution each (`uniform`, `log_uniform`, `normal`), for samples. Set in
-            this order.
+            this order. Absent, samples of a `Problem` are drawn evenly within its ranges.
         quantities: see `available_quantities`; or functions of a `DesignResult`.
         samples: how many designs to draw, for distributions.
         sampling: Sobol's points, scrambled; a Latin hypercube; or independent draws.
@@ -114,6 +115,8 @@ def sweep(
     [[92.5 91.3 89.7]
      [92.4 91.4 90.2]]
     """
+    if over is None and samples is not None and isinstance(scene, Problem):
+        over = {one.name: _within_range(one) for one in scene.variables}
     by_names("over", over, '{"mechanism.bore": [0.12, 0.13]}')
     if over and not isinstance(scene, Problem):
         over = by_name(machine_of(scene), over)
@@ -182,6 +185,15 @@ def sweep_machines(
     return xarray.concat(found, xarray.Variable(dimension, list(machines)))  # pyright: ignore
 
 
+def _within_range(variable: Variable) -> Distribution:
+    """Every value of the range of a variable, as likely as any other."""
+    if not np.isfinite([variable.low, variable.high]).all():
+        raise BadInput(
+            variable.name, "without a range", "given one, (low, high), for samples within"
+        )
+    return uniform(variable.low, variable.high)
+
+
 def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
     if not over:
         raise BadInput("over", "none", "at least one variable")
@@ -193,7 +205,10 @@ def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
         return GridPoints(over)
     if len(scattered) < len(over):
         name = next(name for name in over if name not in scattered)
-        raise BadInput(name, "a list of values", "a distribution, where `samples` is given")
+        values = np.asarray(over[name]).ravel()
+        ends = f"{values.min():.6g}, {values.max():.6g}" if values.size else "low, high"
+        form = f"jaxcomp.uniform({ends}), or log_uniform or normal, where `samples` is given"
+        raise BadInput(name, "a list of values", form)
     return SamplePoints(scattered, samples, sampling, seed)
 
 
