@@ -8,6 +8,11 @@ from jaxtyping import Array, Bool, Float
 from .._core.fields import ANY, NONNEGATIVE, quantity
 from ._diagram import AbstractDiagram, check_same_length, curve, with_knots
 
+# [rad] Closer than this to a revolution from the first point the last one is the same.
+_SAME_ANGLE = 1e-6
+# Of the range of a diagram: what both ends of a closed one may differ by, as indicators round and drift.
+_SAME_PRESSURE = 0.01
+
 
 class CrankAngleTable(AbstractDiagram):
     """Pressure over crank angle, joined by a periodic cubic with continuous slope.
@@ -15,9 +20,12 @@ class CrankAngleTable(AbstractDiagram):
     The slopes are those of the parabola through three neighbouring points, so the curve is exact at
     its points and linear in them.
 
+    Indicators repeat the first point at the end, a revolution later. Such a table is closed: both ends
+    are one point, whose pressure is the mean of the two.
+
     Args:
         back_pressure: [Pa] absolute, behind the piston.
-        angle: [rad] (n,) rising, within one revolution.
+        angle: [rad] (n,) rising, within one revolution; the last one may be a revolution after the first.
         cylinder_pressure: [Pa] (n,) absolute, at those angles.
     """
 
@@ -29,13 +37,23 @@ class CrankAngleTable(AbstractDiagram):
     cylinder_pressure: Float[Array, " n"] = quantity("Pa", NONNEGATIVE, shape=(None,))
     back_pressure: Float[Array, ""] = quantity("Pa", NONNEGATIVE, usual=(1e3, 2e7))
 
+    @property
+    def closed(self) -> Bool[Array, ""]:
+        """Whether the last point is the first one, a revolution later."""
+        return jnp.abs(self.angle[-1] - self.angle[0] - 2 * jnp.pi) < _SAME_ANGLE
+
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         rising = (self.angle[1:] > self.angle[:-1]).all()
-        within = self.angle[-1] - self.angle[0] < 2 * jnp.pi
+        within = self.angle[-1] - self.angle[0] < 2 * jnp.pi + _SAME_ANGLE
+        pressure = self.cylinder_pressure
+        step = jnp.abs(pressure[-1] - pressure[0])
+        alike = step <= _SAME_PRESSURE * (jnp.max(pressure) - jnp.min(pressure))
         return {
-            "a table with rising angles within one revolution, the first not again at the end": rising
-            & within,
-            "a table of at least three points": jnp.asarray(self.angle.size > 2),
+            "a table with rising angles within one revolution": rising & within,
+            "a table whose cylinder_pressure is the same at both ends of the revolution": alike
+            | ~self.closed,
+            "a table of at least three points": jnp.asarray(self.angle.size > 2)
+            & (~self.closed | (self.angle.size > 3)),
         }
 
     def repaired(self):
@@ -46,11 +64,14 @@ class CrankAngleTable(AbstractDiagram):
 
     def pressure(self, stroke):
         turn = 2 * jnp.pi
+        angle, values, closed = self.angle, self.cylinder_pressure, self.closed
+        joined = jnp.where(closed, (values[0] + values[-1]) / 2, values[jnp.array([0, -1])])
+        values = values.at[jnp.array([0, -1])].set(joined)
         # With two points of the turn before and after, the slopes at both ends are those of inner
-        # points.
-        x = jnp.concatenate([self.angle[-2:] - turn, self.angle, self.angle[:2] + turn])
-        y = jnp.concatenate(
-            [self.cylinder_pressure[-2:], self.cylinder_pressure, self.cylinder_pressure[:2]]
-        )
-        start = self.angle[0]
+        # points. Of a closed table the last point is the first one, and counts once.
+        before = jnp.where(closed, jnp.array([-3, -2]), jnp.array([-2, -1]))
+        after = jnp.where(closed, jnp.array([1, 2]), jnp.array([0, 1]))
+        x = jnp.concatenate([angle[before] - turn, angle, angle[after] + turn])
+        y = jnp.concatenate([values[before], values, values[after]])
+        start = angle[0]
         return curve(start + jnp.mod(stroke.angle - start, turn), x, y)

@@ -16,6 +16,7 @@ NUMBER = r"[+-]?(?:\d+(?:_\d+)*(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"
 LARGEST = 4_000_000
 _DEEPEST = 20
 _LONGEST = 1000  # characters of a text
+_MOST_ENTRIES = 8  # of a list that a message prints as a whole
 _LONGEST_PROBLEM = 1500  # characters of a complaint, which never prints a whole table
 
 _LINE = re.compile(r"line (\d+)")
@@ -90,6 +91,9 @@ def short_value(value: Any) -> str:
         text = f'"{value[:100]}"'
     elif isinstance(value, int) and abs(value) > 10**60:  # Python writes no more than some digits
         text = f"a whole number of {value.bit_length()} bits"
+    elif isinstance(value, list) and len(value) > _MOST_ENTRIES:
+        ends = [cut(str(entry), 12) for entry in (*value[:3], value[-1])]
+        text = f"[{', '.join(ends[:3])}, ..., {ends[3]}], {len(value)} values"
     else:
         text = str(value)
     return cut(" ".join(text.split()), 60)

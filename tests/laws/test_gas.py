@@ -336,6 +336,8 @@ def test_bad_tables_are_refused():
     with pytest.raises(BadInput, match="rising angles"):
         CrankAngleTable([0.0, 2.0, 1.0], [1e5, 1e5, 1e5], 1e5)
     with pytest.raises(BadInput, match="within one revolution"):
+        CrankAngleTable([0.0, 2.0, 2 * np.pi + 0.1], [1e5, 1e5, 1e5], 1e5)
+    with pytest.raises(BadInput, match="three points"):  # the last is the first
         CrankAngleTable([0.0, 2.0, 2 * np.pi], [1e5, 1e5, 1e5], 1e5)
     with pytest.raises(BadInput, match="three points"):
         CrankAngleTable([0.0, 2.0], [1e5, 1e5], 1e5)

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,8 +66,12 @@ def test_semicolons_and_decimal_commas(scene, tmp_path):
             r"back_pressure: is given here and in",
         ),
         (
-            TABLE + "360,8.0\n",
-            r"gas: must be a table with rising angles within one revolution, the first not",
+            TABLE + "360,5.0\n",
+            r"gas: must be a table whose cylinder_pressure is the same at both ends.*, 5.0.$",
+        ),
+        (
+            TABLE + "".join(f"{360 + 10 * n},3.0\n" for n in range(37)),
+            r"must be a table with rising angles .* angle = .0.0, 20.0, 60.0, ..., 720.0., 43 values$",
         ),
         ("angle [deg]\n", r"indicator.csv: needs a header and lines of numbers"),
         (None, r"indicator.csv: cannot be read: No such file"),
@@ -85,3 +90,39 @@ def test_the_name_must_be_a_text(tmp_path):
     (tmp_path / "m.toml").write_text("[gas]\ncsv = 3\n")
     with pytest.raises(SceneError, match=r"gas.csv = 3: must be the name of a CSV file"):
         load(tmp_path / "m.toml")
+
+
+def closed(table):
+    """A table of crank angles whose first line stands at its end again, a revolution later."""
+    first = table.splitlines()[1].split(",")
+    return table + f"{float(first[0]) + 360:g},{first[1]}\n"
+
+
+FROM_BOTTOM = """angle [deg],cylinder_pressure [bar]
+-180,1.0
+-90,1.9
+-30,7.2
+0,8.0
+20,3.1
+60,1.0
+"""
+
+
+@pytest.mark.parametrize("table", [TABLE, FROM_BOTTOM])
+def test_a_diagram_may_repeat_its_first_point_at_the_end(scene, tmp_path, table):
+    """The same pressure at every angle, on both sides of the seam as well; rounding of the angles."""
+    stroke = SimpleNamespace(angle=np.radians(np.linspace(-400, 400, 1601)))
+    (tmp_path / "indicator.csv").write_text(table)
+    open_ = scene().compressor.gas.pressure(stroke)
+    (tmp_path / "indicator.csv").write_text(closed(table))
+    found = scene()
+    np.testing.assert_allclose(found.compressor.gas.pressure(stroke), open_, rtol=1e-12)
+    again = loads(dump(found)).compressor.gas
+    np.testing.assert_array_equal(again.angle, found.compressor.gas.angle)
+
+
+def test_both_ends_of_a_diagram_are_one_point_whose_pressure_is_their_mean(scene, tmp_path):
+    (tmp_path / "indicator.csv").write_text(TABLE + "360,8.05\n")
+    gas = scene().compressor.gas
+    at = np.array([-1e-9, 0.0, 1e-9, 2 * np.pi])
+    np.testing.assert_allclose(gas.pressure(SimpleNamespace(angle=at)), 8.025e5, rtol=1e-7)
