@@ -50,7 +50,7 @@ def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, 
 
 def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
     """Parts, what follows from them, commands for the scene, what it leaves out, unusual values."""
-    from ..scene.contents import part_contents
+    from ..scene.contents import example_values, part_contents
     from ..scene.follows import follows
 
     return {
@@ -59,6 +59,7 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
         "file": scene.file,
         "ok": True,
         "parts": part_contents(scene),
+        "examples": example_values(scene),
         "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in follows(scene)],
         "commands": _commands(scene),
         "left_out": list(jc.scene.interface.left_out(scene)),
@@ -75,6 +76,11 @@ def check_tables(result: dict[str, Any]):
     yield row_table(None, ("What follows", ("", ".5g"), ""), map(tuple, follows), texts=3)
     for path, what, usual in result["unusual"]:
         yield f"[yellow]unusual[/yellow]  {escape(f'{path}: {what}, usual is {usual}')}"
+    if result["examples"]:
+        yield (
+            f"[yellow]examples[/yellow]  {result['examples']} values are examples: write those of your "
+            "machine, each with its source"
+        )
     yield f"left out  {escape(', '.join(result['left_out']) or 'nothing')}"
     verdict = "valid; look at the unusual values again" if result["unusual"] else "valid"
     yield f"[green]{verdict}[/green]; for jaxcomp {', '.join(result['commands'])}"

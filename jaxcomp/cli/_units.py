@@ -31,6 +31,7 @@ _TEXTS = {
     """,
     "identify": "predicted: value, model_sd, half_width {beside}",
     "check": """
+        examples
         parts.*: values, defaults, without_source
         follows: value {beside}
         unusual: * {beside}

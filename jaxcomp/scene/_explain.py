@@ -22,6 +22,7 @@ from ._schema import (
     expected,
     given_sections,
     join,
+    kind_of,
     meanings,
 )
 from ._text import SceneError, bundled, value_text
@@ -29,7 +30,24 @@ from ._units import as_text, to_si
 
 _LONGEST = 60  # characters of an example that is taken from a machine
 # Values of examples, where no machine has one: a metre or a pascal would be unusual.
-_USUAL = {"m": "10 mm", "m^2": "1 cm^2", "Pa": "5 bar", "K": "330 K", "rad/s": "1500 rpm"}
+_BY_NAME = {
+    "roughness": "0.3 um", "thin_film": "2 um", "taper": "10 um", "radial_clearance": "20 um",
+    "axial_clearance": "50 um", "transition_speed": "10 mm/s", "transition_rate": "1 rpm",
+    "sticking_speed": "0.1 m/s", "dynamic_viscosity": "10 mPa s", "outer_radius": "20 mm",
+    "inner_radius": "12 mm", "bending_stiffness": "2 kN m^2", "stop": "2 mm", "preload": "0.2 mm",
+    "lift_table": "1 mm", "gas_constant": "287 J/(kg K)", "neck_length": "40 mm", "offset": "2 mm",
+    "arm": "100 mm", "slope": "5 N m s", "level": "20 N m", "eccentricity": "50 %",
+    "rod_diameter": "20 mm", "seat_diameter": "14 mm", "thickness": "0.2 mm", "width": "5 mm",
+    "seat_width": "1 mm", "port_distance": "15 mm", "coefficient": 0.1, "modulus": "115 GPa",
+    "elastic_modulus": "193 GPa", "oil_film.viscosity": "10 mPa s", "oil_film.thickness": "20 um",
+    "mixed.length": "60 mm", "mixed.width": "40 mm", "reed_beam.damping": "0.1 N s/m",
+}  # fmt: skip
+_BY_UNIT = {
+    "m": "10 mm", "m^2": "1 cm^2", "m^3": "100 cm^3", "Pa": "5 bar", "K": "330 K",
+    "rad/s": "1500 rpm", "kg": "0.2 kg", "kg m": "200 g mm", "kg m^2": "2e-3 kg m^2", "N": "200 N",
+    "N m": "5 N m", "N/m": "1e7 N/m", "N s/m": "100 N s/m", "Pa s": "2e-5 Pa s",
+    "W/(m K)": "0.02 W/(m K)", "kg/m^3": "7800 kg/m^3", "W/K": "1 W/K",
+}  # fmt: skip
 
 
 class ExplainedEntry(NamedTuple):
@@ -134,7 +152,7 @@ def _explained(part: type[Part], where: Places) -> Explained:
     several = len({kind for title, kind, _ in every_place() if title == where.titles[0]}) > 1
     table = _from_machines().get(part, {})
     given = {
-        name: _example(entry, table.get(name), name)
+        name: _example(part, name, entry, table.get(name))
         for name, entry in entries(part).items()
         if isinstance(entry, Number | Option)
     }
@@ -208,20 +226,43 @@ def _collect(table: Any, entry: Section, path: str, found: dict[type[Part], dict
                 values.setdefault(name, value)
 
 
-def _example(entry: Number | Option, given: Any, name: str) -> Any:
-    """A value of an entry: of a machine that has one, otherwise one within its bound."""
+def _example(part: type[Part], name: str, entry: Number | Option, given: Any) -> Any:
+    """A value of an entry: that of a machine, otherwise one that is usual and within its bound."""
     if given is not None:
         return given
     if isinstance(entry, Number):
         shape = tuple(2 if n in (None, ...) else n for n in entry.shape)
-        usual = _USUAL.get(entry.unit)
-        if usual is not None and _inside(entry, to_si(usual, entry.unit, name)):
-            return np.full(shape, usual).tolist()
+        by_name = _BY_NAME.get(f"{kind_of(part)}.{name}") or _BY_NAME.get(name)
+        for usual in (by_name, _default_of(part, name, entry), _BY_UNIT.get(entry.unit)):
+            if usual is not None and _may_stand(entry, usual, name):
+                return np.full(shape, usual).tolist()
         low, high = entry.bound.low, entry.bound.high
         inside = (low + high) / 2 if np.isfinite(low + high) else max(low, min(high, 0.0)) + 1.0
         value = 1.0 if _inside(entry, 1.0) else inside
         return as_text(np.full(shape, value), entry.unit)
     return _word(entry.hint, name)
+
+
+def _default_of(part: type[Part], name: str, entry: Number | Option) -> Any:
+    """The default of a number, as far as it says what is usual; `None` for a zero and for lists."""
+    if not isinstance(entry, Number) or entry.required or entry.shape:
+        return None
+    text = default_text(part, name, entry).strip('"')
+    try:
+        value = float(to_si(text, entry.unit, name))
+        if value == 0:
+            return None
+        return text if entry.unit else value
+    except (SceneError, TypeError):  # absent, or no single number
+        return None
+
+
+def _may_stand(entry: Number, usual: Any, name: str) -> bool:
+    """Whether a number or text is a value of an entry: of its dimension, within its bound."""
+    try:
+        return _inside(entry, to_si(usual, entry.unit, name))
+    except SceneError:  # the same name with another dimension
+        return False
 
 
 def _inside(entry: Number, value: Any) -> bool:

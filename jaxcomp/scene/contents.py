@@ -8,6 +8,8 @@ from ..study.interface import list_length, variable_names
 from ._describe import describe
 from ._scene import Scene
 
+# How the source of a value begins that a file to start from has, see `starts`.
+EXAMPLE = "example value"
 # Coordinates of correction masses, which no file has.
 _CORRECTIONS = {
     "x": "Correction mass times radius along x.",
@@ -32,6 +34,13 @@ def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
                 "without_source": sum(not row.source for row in given),
             }
     return found
+
+
+def example_values(scene: Scene) -> int:
+    """Number of the values of a scene that are still those of a file to start from."""
+    return sum(
+        row.given is not None and str(row.source).startswith(EXAMPLE) for row in describe(scene)
+    )
 
 
 def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:

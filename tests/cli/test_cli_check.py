@@ -1,6 +1,7 @@
 """`jaxcomp check`, help and completion: what a newcomer meets first."""
 
 import os
+import re
 import subprocess
 import sys
 
@@ -13,7 +14,17 @@ from typer.testing import CliRunner
 from jaxcomp._core.registry import DESIGN_RULES
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_machine
-from jaxcomp.scene import SceneError, implausible_values, load, loads, machines, start, with_value
+from jaxcomp.scene import (
+    SceneError,
+    describe,
+    implausible_values,
+    load,
+    loads,
+    machines,
+    start,
+    with_value,
+)
+from jaxcomp.scene.interface import starts
 from jaxcomp.study import design_rules
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.
@@ -338,3 +349,22 @@ def test_check_says_how_several_cylinders_fire():
     assert rows["Rods outside the main bearings"] == ["0"]
     assert "stand at -60°, 0°, 60° from x, counted with rotation" in result.output
     assert "animate" in result.output
+
+
+def test_values_that_are_still_those_of_the_template_are_counted(tmp_path):
+    file = tmp_path / "m.toml"
+    file.write_text(start("slider-crank", "m"))
+    rows = [row for row in describe(loads(file.read_text())) if row.given is not None]
+    given = len([row for row in rows if not row.path.endswith(".type")])
+    found = read_json(invoke("check", str(file), "--json").stdout)
+    assert found["examples"] == given
+    assert f"{given} values are examples" in invoke("check", str(file)).stdout
+    own = file.read_text().replace('"50 mm"', '{ value = "52 mm", source = "drawing 17" }')
+    file.write_text(own)
+    assert read_json(invoke("check", str(file), "--json").stdout)["examples"] == given - 1
+    assert "examples" not in invoke("check", "mayekawa-wbhe").stdout
+
+
+@pytest.mark.parametrize("kind", starts())
+def test_a_template_does_not_tell_sizes_that_are_edited(kind):
+    assert not re.search(r"\d", loads(start(kind, "m")).description)

@@ -102,3 +102,37 @@ def test_nothing_is_compiled():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "low", "high"),
+    [
+        ("film", "roughness", 0.05e-6, 2e-6),
+        ("film", "radial_clearance", 2e-6, 1e-4),
+        ("greenwood_tripp", "roughness", 0.05e-6, 2e-6),
+        ("mixed_thrust", "dynamic_viscosity", 1e-3, 0.1),
+        ("mixed_thrust", "axial_clearance", 5e-6, 1e-3),
+        ("perfect_gas", "gas_constant", 40.0, 4200.0),
+        ("plenum", "volume", 1e-6, 1e-2),
+        ("reed_beam", "density", 1e3, 2e4),
+        ("reed_beam", "elastic_modulus", 1e10, 4e11),
+        ("main_bearings", "stiffness", 1e5, 1e10),
+        ("disks", "offset", 1e-5, 2e-2),
+    ],
+)
+def test_values_of_examples_are_those_of_machines(kind, name, low, high):
+    """A roughness is no centimetre; the ranges are those of compressors of 1 cm3 to 10 l."""
+    checked = 0
+    for part in explained(kind):
+        for entry in part.entries:
+            if entry.name == name:
+                given = tomllib.loads(entry.example)[name]
+                declared = next(
+                    entries(one)[name]
+                    for one, where in PARTS
+                    if where.kind == kind and name in entries(one)
+                )
+                value = Reader()._entry(declared, given, name, None)
+                assert ((low <= value) & (value <= high)).all(), entry.example
+                checked += 1
+    assert checked
