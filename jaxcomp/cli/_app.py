@@ -123,36 +123,32 @@ def _grouping(command: Callable[..., None], groups: dict[str, Any]) -> Callable[
     return called
 
 
+# The commands that one needs first, by what they are for; those for developers and older files last.
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
-    "Machines": {
+    "First": {
         "new": new,
         "check": check,
-        "upgrade": upgrade,
-        "list": list_machines,
-        "explain": explain,
-        "schema": schema,
-    },
-    "This program": {"cache": cache},
-    "Analyse one machine": {
         "run": run,
-        "simulate": simulate,
-        "animate": animate,
-        "respond": respond,
-        "modes": modes,
-        "bearing": bearing,
         "desk": desk,
         "map": rating_map,
-        "accuracy": accuracy,
-    },
-    "Design and balance": {
-        "balance": balance,
         "compare": compare,
-        "identify": identify,
         "optimise": optimise,
+        "explain": explain,
+    },
+    "Studies of designs": {
         "sensitivity": sensitivity,
         "sweep": sweep,
         "tolerance": tolerance,
-        "update": update,
+    },
+    "Measured machines": {"identify": identify, "update": update},
+    "Vibration and balance": {"modes": modes, "respond": respond, "balance": balance},
+    "Motion and bearings": {"simulate": simulate, "bearing": bearing, "animate": animate},
+    "Machines, files and this program": {
+        "list": list_machines,
+        "upgrade": upgrade,
+        "accuracy": accuracy,
+        "schema": schema,
+        "cache": cache,
     },
 }
 for _panel, _commands in _COMMANDS.items():

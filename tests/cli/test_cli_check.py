@@ -239,7 +239,7 @@ def test_every_command_stands_in_a_group_and_the_start_comes_first():
     result = invoke("--help")
     groups = [command.rich_help_panel for command in commands().values()]
     assert all(isinstance(group, str) for group in groups)
-    assert result.stdout.index("Machines") < result.stdout.index("Analyse one machine")
+    assert result.stdout.index("First") < result.stdout.index("Studies of designs")
     assert "jaxcomp new my-machine.toml" in result.stdout
 
 

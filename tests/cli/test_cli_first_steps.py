@@ -113,3 +113,13 @@ def test_names_of_contributors_are_not_broken():
     assert "friction of main 0.0 %" in words
     assert "journal" in words
     assert max(map(len, shown.stdout.splitlines())) <= 80
+
+
+def test_help_begins_with_the_commands_that_one_needs_first():
+    shown = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200"}).stdout
+    known = set(get_command(app).list_commands(None))  # pyright: ignore
+    starts = (line.strip("│ ").partition(" ")[0] for line in shown.splitlines())
+    names = [name for name in starts if name in known]
+    assert set(names) == known
+    assert names[:8] == ["new", "check", "run", "desk", "map", "compare", "optimise", "explain"]
+    assert names[-3:] == ["accuracy", "schema", "cache"]
