@@ -64,6 +64,9 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         if one.name not in result or one.name in _IN_OTHER_TABLES:
             continue
         value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
+        if value is None:
+            rows.append((shown(one.name, one.unit, 0.0).words, "none", note))
+            continue
         sizes = [value, result["motor_power"]] if one.unit == "W" else value
         look = shown(one.name, one.unit, sizes)
         name, text = look.words, f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)

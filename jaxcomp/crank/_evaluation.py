@@ -85,7 +85,8 @@ def orbit_of_motion(
 
     motor = closure.torque(now)
     totals = _by_loss(loads, lambda losses: grid.total(grid.by_panels(losses)))
-    account = Energy(grid.total(motor), -grid.total(now.conservative), totals)
+    # not the negative, which would be -0 without gas
+    account = Energy(grid.total(motor), 0.0 - grid.total(now.conservative), totals)
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
     if finer is not None:
         # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All

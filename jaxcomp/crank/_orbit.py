@@ -23,6 +23,9 @@ from ..friction import JointLoads
 from ..mechanism import CrankState
 from ._panels import highest
 
+# [-] Work of a revolution over that of the torque's size below which it is rounding.
+_NO_WORK = 1e-12
+
 
 class Energy(eqx.Module):
     """Work over one revolution [J] (Tsuji et al. 2012, Eqs 2, 3 and 5).
@@ -223,12 +226,17 @@ class Orbit(Result, eqx.Module):
 
     @property
     def torque_fluctuation(self) -> Float[Array, ""]:
-        """[-] Highest less lowest torque of gas, weights and friction over its mean, on the crank."""
+        """[-] Highest less lowest torque of gas, weights and friction over its mean, on the crank.
+
+        Infinite where the mean is rounding, of a machine whose gas and friction take no work.
+        """
         load = self.loads.total_loss_torque - self.gas_torque
         width = self.panel_width
         both = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
         extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(both)
-        return jnp.sum(extremes) * 2 * jnp.pi / jnp.sum(self.weight * load)
+        swing, work = jnp.sum(extremes), jnp.sum(self.weight * load)
+        some = jnp.abs(work) > _NO_WORK * jnp.sum(self.weight * jnp.abs(load))
+        return jnp.where(some, swing * 2 * jnp.pi / jnp.where(some, work, 1.0), jnp.inf)
 
     @property
     def speed_fluctuation(self) -> Float[Array, ""]:

@@ -104,8 +104,10 @@ class _Law(eqx.Module):
         return motion_at(compressor, angle, speed, self.motor(speed))
 
     def motor(self, speed):
-        """[N m]"""
+        """[N m] Zero where the motor holds the speed, which asks for no torque."""
         motor = self.compressor.motor
+        if not closure_of(motor).integrates:
+            return jnp.zeros_like(speed)
         level = 1.0
         if closure_of(motor).level_is_unknown:
             level = self.torque / motor.torque(self.speed)
