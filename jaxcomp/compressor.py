@@ -409,12 +409,14 @@ def first_top(compressor: Compressor) -> Float[Array, ""]:
 def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     """Crank angles [rad] in one revolution from the top dead centre where torques have kinks, sorted.
 
-    Dead centres, reversals of a sliding direction and valve events of every cylinder. The first entry is
-    the top dead centre of the first; events that do not occur coincide with a dead centre.
+    Dead centres, reversals of a sliding direction, valve events and points of tables of every cylinder.
+    The first entry is the top dead centre of the first; events that do not occur coincide with a dead
+    centre.
     """
     mechanism = compressor.mechanism
     top, bottom = mechanism.dead_centres()
-    angles, many = [bottom], None
+    phase = compressor.crankshaft.distinct_phase
+    angles, many = [bottom], []
     if not compressor.frictionless:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:
@@ -426,13 +428,18 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         if isinstance(events, tuple):
             angles += events
         else:
-            many = events
-    phase = compressor.crankshaft.distinct_phase
+            many.append(events)
+        shares = compressor.gas.event_shares()
+        if shares is not None:
+            # (k, cylinders) or (k, 1)
+            displaced = jnp.atleast_2d(shares).T * (highest - lowest)
+            many += [mechanism.angle_at(highest - displaced, way).T for way in (True, False)]
     first = jnp.ravel(top)[0] - phase[0]
     own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
-    if many is not None:
-        many = jnp.broadcast_to(many, (phase.size, many.shape[-1]))
-        own = jnp.concatenate([own, many], axis=1)
+    for events in many:
+        own = jnp.concatenate(
+            [own, jnp.broadcast_to(events, (phase.size, events.shape[-1]))], axis=1
+        )
     # From the angles of each cylinder's own crank to that of the machine.
     rest = (own - phase[:, None]).ravel()
     # the first cylinder's top dead centre is the first edge

@@ -30,9 +30,9 @@ class Status(eqx.Enumeration):
     )
     unresolved = (
         "the nodes do not resolve the revolution: its duration is not known to 0.1 %, the stated error "
-        "of its losses is above 1 % of the work, its energy does not close to 1e-5, or its fluctuation "
-        "of speed is not known to 2 %; take more nodes (--solver collocation:16), or more inertia or "
-        "speed where the crank all but halts"
+        "of its losses or of the gas work is above 1 % of the work, its energy does not close to 1e-5, "
+        "or its fluctuation of speed is not known to 2 %; take more nodes (--solver collocation:16), or "
+        "more inertia or speed where the crank all but halts"
     )
     too_many_events = (
         "the valves make more events in a revolution than there are panels; take more panels (--cycle "

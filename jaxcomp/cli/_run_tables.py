@@ -192,12 +192,17 @@ def _convergence(result: dict[str, Any]):
     if "cycle_resolution" in result:
         of_cycle = "of the gas; the relative error of the flow is smaller"
         cycle = [("Cycle's resolution", f"{result['cycle_resolution']:.1e}", of_cycle)]
+    gas = []
+    if result.get("gas_work") and result.get("gas_work_error") is not None:
+        known = f"{result['gas_work_error'] / abs(result['gas_work']):.1e}"
+        gas = [("Gas work", known, "stated error of the quadrature, relative")]
     rows = (
         ("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}"),
         ("Iterations", result["iterations"], result["status"]),
         ("Residual", f"{result['residual']:.1e}", "periodicity or collocation equations"),
         ("Resolution", f"{result['resolution']:.1e}", resolution),
         *cycle,
+        *gas,
         ("Energy closure", f"{result['energy_residual']:.1e}", closure),
         ("Joint margin", f"{result['joint_margin']:.4f}", "1 without friction, locks at 0"),
     )
@@ -215,6 +220,7 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
     rows = [
         ("Speed, largest", "", f"{speed * result['mean_speed']:.1e} rad/s", f"{speed:.1e}"),
         row("Mechanical efficiency", result[key], march[key], ""),
+        row("Gas work", result["gas_work"], march["gas_work"], "J"),
         *(
             row(f"{words(name)}, {word}", result[of][name], error, unit)
             for of, word, unit in (("losses", "loss", "J"), ("peak_forces", "peak", "N"))

@@ -88,7 +88,9 @@ def orbit_of_motion(
     # not the negative, which would be -0 without gas
     account = Energy(grid.total(motor), 0.0 - grid.total(now.conservative), totals)
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
+    gas_error = jnp.full((), jnp.nan)
     if finer is not None:
+        gas_error = _quadrature_error(grids, at.conservative)
         # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
         # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
         # force, change by as much as the large ones.
@@ -101,7 +103,8 @@ def orbit_of_motion(
         drive = journal_drive(known.compressor, loads.forces, state)
         status = orbit_status(grid.rule, drive, motion.journals, status)
     made = grid, at, state, motor, loads, account, error, status, report
-    return orbit_on_panels(*made, solver, by_joint(known.compressor, motion.journals))
+    positions = by_joint(known.compressor, motion.journals)
+    return orbit_on_panels(*made, solver, positions, gas_error)
 
 
 def _status(
@@ -196,6 +199,7 @@ def orbit_on_panels(
     report: FixedPointReport,
     solver: str,
     positions: dict[str, Float[Array, "2 n"]] | None = None,
+    gas_work_error: Float[Array, ""] | None = None,
 ) -> Orbit:
     """Flatten panels to one row of nodes and add time and the extremes of speed.
 
@@ -211,6 +215,7 @@ def orbit_on_panels(
         report: residual and iterations of the solver.
         solver: its name.
         positions: [-] of the journals that move.
+        gas_work_error: [J] estimated, of the gas work.
     """
     elapsed, at_edges = grid.cumulative(1 / state.speed)
     find = jax.vmap(partial(highest, grid.rule, grid.width))
@@ -247,6 +252,7 @@ def orbit_on_panels(
         solver=solver,
         panel_nodes=grid.rule.nodes.size,
         positions=positions,
+        gas_work_error=gas_work_error,
     )
 
 

@@ -69,6 +69,7 @@ class Verification(eqx.Module):
         period_error: [-] of the revolution's duration, relative.
         efficiency_error: [-] of the mechanical efficiency.
         loss_error: [J] of the losses of a revolution, by joint.
+        gas_work_error: [J] of the work of gas and weights.
         peak_error: [N] of the peak forces, by joint.
         position_error: [-] largest difference of the positions of moving journals; `None` without any.
         steps: of the integrator.
@@ -80,6 +81,7 @@ class Verification(eqx.Module):
     period_error: Float[Array, ""]
     efficiency_error: Float[Array, ""]
     loss_error: dict[str, Float[Array, ""]]
+    gas_work_error: Float[Array, ""]
     peak_error: dict[str, Float[Array, ""]]
     position_error: Float[Array, ""] | None
     steps: Int[Array, ""]
@@ -120,6 +122,8 @@ class Orbit(Result, eqx.Module):
         verification: by an independent march, where `solve_orbit` was asked for it; else `None`.
         positions: [-] centres of the journals that move over their clearances, in the axes of the forces,
             (2, n) by joint; `None` where none moves.
+        gas_work_error: [J] estimated error of `energy.gas_work`, from what twice the nodes change and
+            the decay of the torque; `None` of solvers that do not tell.
     """
 
     state: CrankState
@@ -145,6 +149,7 @@ class Orbit(Result, eqx.Module):
     cycle: Cycle | SeveralCycles | None = None
     verification: Verification | None = None
     positions: dict[str, Float[Array, "2 n"]] | None = None
+    gas_work_error: Float[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 

@@ -201,6 +201,9 @@ def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
     coarse |= ~(jnp.abs(seen.energy.residual) <= _ENERGY_RESIDUAL)
     if getattr(solver, "estimate", True):
         coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
+        if seen.gas_work_error is not None:
+            size = jnp.abs(seen.energy.gas_work) + seen.energy.total_loss
+            coarse |= seen.gas_work_error > _LOSS_ERROR * size
     good = orbit.status == Status.converged
     thin = has_thin_film(compressor, seen)
     status = Status.where(good & thin, Status.thin_film, orbit.status)

@@ -75,6 +75,7 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
         period_error=end["time"] / orbit.period - 1,
         efficiency_error=energy.mechanical_efficiency - orbit.mechanical_efficiency,
         loss_error=jax.tree.map(lambda a, b: a - b, energy.losses, orbit.energy.losses),
+        gas_work_error=gas - orbit.energy.gas_work,
         peak_error={name: peak - orbit.peak_forces[name] for name, peak in peaks.items()},
         position_error=None
         if found_places is None

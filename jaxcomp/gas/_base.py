@@ -63,6 +63,10 @@ class AbstractGas(Part):
         """
         return ()
 
+    def event_shares(self) -> Float[Array, " k"] | None:
+        """[-] Displaced over swept volumes where the pressure of a table bends, on both strokes."""
+        return None
+
 
 class EachGas(AbstractEach, AbstractGas):
     """A gas of another kind for single cylinders of several, such as one with a measured curve.
@@ -105,8 +109,15 @@ class EachGas(AbstractEach, AbstractGas):
         )
 
     def event_angles(self):
-        count = len(self.of_cylinder)
-        return _columns([tuple(self.one(i + 1).event_angles()) for i in range(count)])
+        """One array: angles of each cylinder; where one has fewer than another, its top dead centre."""
+        rows = [jnp.asarray(self.one(i + 1).event_angles()) for i in range(len(self.of_cylinder))]
+        return _filled(rows) if any(row.size for row in rows) else ()
+
+    def event_shares(self):
+        rows = [self.one(i + 1).event_shares() for i in range(len(self.of_cylinder))]
+        if all(row is None for row in rows):
+            return None
+        return _filled([jnp.zeros(0) if row is None else row for row in rows])
 
 
 def _columns(rows) -> tuple[Float[Array, " k"], ...]:
@@ -114,6 +125,12 @@ def _columns(rows) -> tuple[Float[Array, " k"], ...]:
     longest = max(map(len, rows))
     filled = [[*row, *[jnp.zeros(())] * (longest - len(row))] for row in rows]
     return tuple(jnp.stack(column) for column in zip(*filled, strict=True))
+
+
+def _filled(rows: list[Float[Array, " _"]]) -> Float[Array, "c k"]:
+    """Rows of one length, with zeros behind those that are shorter."""
+    longest = max(row.size for row in rows)
+    return jnp.stack([jnp.pad(row, (0, longest - row.size)) for row in rows])
 
 
 def _alike(stroke: Stroke) -> Stroke:

@@ -62,6 +62,10 @@ class CrankAngleTable(AbstractDiagram):
     def __check_init__(self):
         check_same_length(self, "angle", "cylinder_pressure")
 
+    def event_angles(self):
+        """Every point: the curve bends there."""
+        return self.angle
+
     def pressure(self, stroke):
         turn = 2 * jnp.pi
         angle, values, closed = self.angle, self.cylinder_pressure, self.closed

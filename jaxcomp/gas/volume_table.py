@@ -48,6 +48,10 @@ class VolumeTable(AbstractDiagram):
         check_same_length(self, "volume", "inward_pressure")
         check_same_length(self, "volume", "outward_pressure")
 
+    def event_shares(self):
+        """Every point between the dead centres: the curves bend there."""
+        return self.volume[1:-1]
+
     def pressure(self, stroke):
         fraction = stroke.displaced / stroke.swept
         return jnp.where(

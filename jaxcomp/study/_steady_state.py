@@ -75,11 +75,11 @@ class SteadyState(Result):
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
     nested_units: ClassVar[str] = """
-        motor_work, gas_work, losses [J]; lowest_speed, highest_speed [rad/s]
+        motor_work, gas_work, gas_work_error, losses [J]; lowest_speed, highest_speed [rad/s]
         peak_forces, mean_forces [N]; period [s]; stroke [m]
         energy_residual, residual, resolution, loss_share, iterations, cycle_resolution
         rod_load_reversal.*: angle [rad]; share
-        verification: speed, period, mechanical_efficiency, losses, peak_forces, closure, steps
+        verification: speed, period, mechanical_efficiency, losses, gas_work, peak_forces, closure, steps
         moved_films.*: film_thickness [m]; loss [W]
     """
 
@@ -259,6 +259,7 @@ def _numbers(
         "highest_speed": orbit.highest_speed,
         "period": orbit.period,
         "stroke": of_cylinder(compressor.mechanism).stroke,
+        **({} if orbit.gas_work_error is None else {"gas_work_error": orbit.gas_work_error}),
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
@@ -287,6 +288,7 @@ def _verification(orbit: Orbit) -> dict[str, Any]:
         "period": -march.period_error,
         "mechanical_efficiency": -march.efficiency_error,
         "losses": {name: -error for name, error in march.loss_error.items()},
+        "gas_work": -march.gas_work_error,
         "peak_forces": {name: -error for name, error in march.peak_error.items()},
         "closure": march.closure,
     }

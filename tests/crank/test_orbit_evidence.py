@@ -127,7 +127,7 @@ def test_nodes_of_no_weight_are_no_peaks():
 
 
 def test_the_bound_of_the_stated_error_is_told_as_it_is():
-    told = f"above {100 * _LOSS_ERROR:g} % of the work"
+    told = f"or of the gas work is above {100 * _LOSS_ERROR:g} % of the work"
     assert told in Status[Status.unresolved]
     changes = (Path(__file__).parents[2] / "CHANGELOG.md").read_text(encoding="utf-8")
     assert told in " ".join(changes.split())

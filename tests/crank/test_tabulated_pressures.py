@@ -1,0 +1,118 @@
+"""The work of a given indicator diagram is that of its curve, however dense the points."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import machine, status_of
+from scipy.interpolate import CubicHermiteSpline
+
+from jaxcomp import CrankAngleTable, PolytropicCycle, VolumeTable, solve_orbit
+from jaxcomp.compressor import stroke_at
+from jaxcomp.crank.interface import default_collocation
+from jaxcomp.gas import FourierDiagram
+from jaxcomp.gas.interface import EachGas
+
+# [Pa] A cycle like that of the golden machine; its points alone reach the solver.
+CYCLE = PolytropicCycle(98e3, 980e3, 1.2, 0.03, 98e3)
+
+
+def table_over_angle(points, gas=CYCLE):
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    pressure = gas.pressure(stroke_at(machine(), jnp.asarray(angle)))[0]
+    return CrankAngleTable(angle, np.asarray(pressure), 98e3)
+
+
+def curve_slopes(x, y):
+    """Slopes of the parabola through three neighbours, at all but the ends."""
+    step, secant = np.diff(x), np.diff(y) / np.diff(x)
+    return (step[1:] * secant[:-1] + step[:-1] * secant[1:]) / (step[1:] + step[:-1])
+
+
+def work_over_angle(table):
+    """[J] Of a revolution, by Gauss's rule between neighbouring points."""
+    angle, pressure = np.asarray(table.angle), np.asarray(table.cylinder_pressure)
+    turn = 2 * np.pi
+    x = np.concatenate([angle[-2:] - turn, angle, angle[:2] + turn])
+    y = np.concatenate([pressure[-2:], pressure, pressure[:2]])
+    curve = CubicHermiteSpline(x[1:-1], y[1:-1], curve_slopes(x, y))
+    edges = np.append(angle, angle[0] + turn)
+    # dead centres are no edges: the pressure is smooth there and the volume as well
+    node, weight = np.polynomial.legendre.leggauss(12)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    at = (middle[:, None] + half[:, None] * node).ravel()
+    around = (half[:, None] * weight).ravel()
+    mechanism = machine().mechanism
+    kinematics = mechanism.kinematics(jnp.asarray(at))
+    # the torque of the gas on the crank is p A dx/dtheta, x towards the head; its work on the gas
+    force = curve(at) * float(mechanism.piston_area)
+    return float(np.sum(around * force * np.asarray(kinematics.position_1)))
+
+
+@pytest.mark.parametrize("points", [24, 97, 180])
+def test_a_diagram_over_the_angle_keeps_its_work(points):
+    table = table_over_angle(points)
+    orbit = solve_orbit(machine(gas=table))
+    exact = work_over_angle(table)
+    # seen: 1e-9 with 4 nodes between neighbours, 1e-12 with 8
+    assert float(orbit.energy.gas_work) == pytest.approx(exact, rel=1e-8)
+    assert float(orbit.gas_work_error) >= abs(float(orbit.energy.gas_work) - exact)
+    assert float(orbit.gas_work_error) < 1e-6 * exact
+
+
+def test_a_diagram_over_the_volume_keeps_its_work():
+    """Polygons of the cubics' integrals: the volume is the abscissa, so that no mechanism matters."""
+    share = np.linspace(0, 1, 41)
+    inward, outward = 98e3 + 4e5 * (1 - share) ** 2, 98e3 + 3e5 * np.exp(-20 * share)
+    gas = VolumeTable(share, inward, outward, 98e3)
+    orbit = solve_orbit(machine(gas=gas))
+
+    def mean(pressure):
+        secant, inner = np.diff(pressure) / np.diff(share), curve_slopes(share, pressure)
+        ends = 2 * secant[0] - inner[0], 2 * secant[-1] - inner[-1]
+        slopes = np.concatenate([[ends[0]], inner, [ends[1]]])
+        return CubicHermiteSpline(share, pressure, slopes).integrate(0, 1)
+
+    exact = float(machine().mechanism.swept_volume) * (mean(inward) - mean(outward))
+    assert float(orbit.energy.gas_work) == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_table_among_other_laws_keeps_its_points():
+    table = table_over_angle(24)
+    each = EachGas((table, CYCLE))
+    assert each.event_angles().shape == (2, 24)
+    assert each.event_shares() is None
+
+
+def test_dense_tables_are_cut_to_so_many_panels():
+    dense = machine(gas=table_over_angle(3600))
+    assert default_collocation(dense).panel_count == 720
+    assert default_collocation(machine(gas=CYCLE)).panel_count is None
+
+
+def test_work_that_the_nodes_do_not_resolve_is_told():
+    """A harmonic of order 40, of which 6 panels of 8 nodes see nothing."""
+    cosine = np.zeros(80)
+    cosine[79] = 2e6
+    gas = FourierDiagram(3e5, cosine, -2e4 * np.ones(80), 98e3)
+    orbit = solve_orbit(machine(gas=gas), throw=False)
+    assert status_of(orbit) == "unresolved"
+    assert float(orbit.gas_work_error) > 0.01 * abs(float(orbit.energy.gas_work))
+
+
+def test_the_march_compares_the_work():
+    orbit = solve_orbit(machine(gas=table_over_angle(97)), verify=True)
+    error = float(orbit.verification.gas_work_error)
+    assert abs(error) < 1e-7 * float(orbit.energy.gas_work)
+
+
+def test_the_work_is_linear_in_the_points():
+    """Derivatives to the pressures are those of the quadrature of the curve."""
+    table = table_over_angle(24)
+
+    def work(scale):
+        gas = CrankAngleTable(table.angle, scale * table.cylinder_pressure, 98e3)
+        return solve_orbit(machine(gas=gas), throw=False).energy.gas_work
+
+    value, slope = jax.value_and_grad(work)(1.0)
+    assert float(slope) == pytest.approx(float(value), rel=1e-7)
