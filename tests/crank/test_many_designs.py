@@ -40,6 +40,9 @@ BEFORE_A_KINK = [
     # the load of a pin, which friction turns round at the dead centre: its reversal ran into the jump
     (0.10931268750689924, 156.03422893308462, 67223.39610569179, 674434.2852383852,
      0.07804189761634917, 0.014688118111807851, 0.017329733010847122),
+    # no kink: a slope of half the true one was taken from the first two iterations
+    (0.14899610276333988, 81.09985719591273, 198190.27085788548, 1243909.4360917807,
+     0.07282294700387865, 0.006467751872260123, 0.00552351692924276),
 ]  # fmt: skip
 SAMPLES = 2000
 
