@@ -249,13 +249,15 @@ def _torsion(torsion: dict[str, Any]):
     hertz = ", ".join(f"{w / (2 * math.pi):.4g}" for w in torsion["natural_frequencies"])
     first = torsion["natural_frequencies"][0]
     critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))
-    columns = (torsion[key] for key in ("mean_torque", "peak_torque", "largest_order"))
+    keys = ("mean_torque", "peak_torque", "peak_error", "largest_order")
+    columns = (torsion[key] for key in keys)
     rows = [
-        (number, mean, peak, peak / abs(mean), order)
-        for number, (mean, peak, order) in enumerate(zip(*columns, strict=True), 1)
+        (number, mean, peak, error, peak / abs(mean), order)
+        for number, (mean, peak, error, order) in enumerate(zip(*columns, strict=True), 1)
     ]
     title = f"Torsion at {hertz} Hz; orders 1 to 4 meet the first at {critical} rpm"
-    torques = (("Mean, N m", ".4g"), ("Peak, N m", ".4g"), ("Peak/mean", ".3g"))
+    torques = (("Mean, N m", ".4g"), ("Peak, N m", ".4g"), ("Off by, at most", ".1g"))
+    torques += (("Peak/mean", ".3g"),)
     return row_table(title, ("Spring", *torques, "Order"), rows)
 
 
