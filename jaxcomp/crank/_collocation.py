@@ -166,7 +166,7 @@ def tabulated_points(compressor: Compressor) -> int:
     points = 0 if angles is None else angles.shape[-1]
     if shares is not None:
         points += 2 * shares.shape[-1]
-    return points * compressor.crankshaft.distinct_phase.size
+    return points * compressor.crankshaft.count
 
 
 def _with_layers(known: Known) -> Known:
