@@ -9,6 +9,7 @@ _ALSO_SAID = {
     "rpm": ("mean_speed", 'e.g. "1450 rpm"'),
     "diameter": ("bore", "of the cylinder"),
     "eccentricity": ("offset", "of the cylinder axis from the crank's"),
+    "ocvirk": ("short", "Ocvirk's film"),
     "refrigerant": ("fluid", "by its name, as R22"),
     "dead_volume": ("clearance_ratio", "clearance volume over swept volume"),
 }

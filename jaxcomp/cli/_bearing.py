@@ -18,19 +18,19 @@ from ._output import Output, OutputWithoutScene
 from ._start import refuse, start_jax, waiting
 from ._tables import row_table, value_rows
 
-# How the film is described, and the classes of `jaxcomp.film` that do so.
-Model = Literal["reynolds", "grooved", "guembel", "ocvirk", "fit", "petroff", "loaded-petroff"]
+# Films by their names in machine files, and the classes of `jaxcomp.film` that do so.
+Model = Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"]
 _CLASSES = {
     "reynolds": "Reynolds",
     "grooved": "GroovedReynolds",
     "guembel": "Guembel",
-    "ocvirk": "Ocvirk",
+    "short": "Ocvirk",
     "fit": "ExplicitFit",
     "petroff": "Petroff",
-    "loaded-petroff": "LoadedPetroff",
+    "loaded_petroff": "LoadedPetroff",
 }
-# The models in which journals move, by their names as films of a `JournalBearing`.
-_MOVING = {"reynolds": "reynolds", "ocvirk": "short"}
+# The models in which journals move.
+_MOVING = ("reynolds", "short")
 # Units of the options that are numbers of the bearing, and the fields that those of a contact set.
 _SIZES = {"length": "m", "diameter": "m", "clearance": "m", "viscosity": "Pa s"}
 _UNITS = _SIZES | {
@@ -98,7 +98,7 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
             W_y [N] over one period. Further columns journal_speed \[rpm] and bush_speed \[rpm] for a rod
             or a pin that swings.
         over (speed=FROM:TO:COUNT): Speeds instead of --speed, such as speed=log:50rpm:3000rpm:60.
-        model: Film model; the output states its limits. Journals move in reynolds and ocvirk.
+        model: Film model; the output states its limits. Journals move in reynolds and short (Ocvirk).
         lands: Two with a full groove between them; the length is that of both together.
         roughness: Of journal and bush together, r.m.s., whose contact then carries and rubs where the
             film is thin; with --boundary-friction.
@@ -234,7 +234,7 @@ def _loaded(
             own = getattr(table, f"{name}_speed") is not None
             refuse(own, f"--{name}-speed: {loads} has a column {name}_speed; one must go")
             shares[name] = turns[f"{name}-speed"] / given["speed"]
-    part = _part(given, _MOVING[model], bush.lands, contact)
+    part = _part(given, model, bush.lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
         found = loaded_journal(part, table, given["speed"], **shares)
     output.emit(

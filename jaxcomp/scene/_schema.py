@@ -22,6 +22,7 @@ from .. import motor as motor
 from .._core.each import AbstractEach
 from .._core.extensions import ExtensionError, import_extensions
 from .._core.fields import Bound, Part
+from .._core.words import did_you_mean
 from ..compressor import Compressor
 from ..film import AbstractJournal, AbstractOil, NamedBearing
 
@@ -231,7 +232,12 @@ def option_value(hint: Any, value: Any) -> Any:
                 return tuple(map(option_value, inner, value))
     elif type(value) is hint:
         return value
-    raise ValueError(f"must be {_described(hint)}")
+    words = [
+        word for member in members for word in typing.get_args(member) if isinstance(word, str)
+    ]
+    near = did_you_mean(value, words) if isinstance(value, str) and words else ""
+    near = near if "did you mean" in near else ""  # all that is known stands in front of it
+    raise ValueError(f"must be {_described(hint)}{near}")
 
 
 def expected(entry: Entry) -> str:

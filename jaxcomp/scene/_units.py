@@ -31,10 +31,13 @@ _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _LONGEST_UNIT = 60
 _LONGEST_TEXT = 200
 _GRADE = re.compile(
-    r"\s*(?:ISO[\s-]*)?VG[\s-]*(\d+(?:\.\d+)?)\s*(?:@|at|,)?\s*"
+    r"\s*(?:ISO[\s-]*)?(VG|SAE)[\s-]*(\d+(?:\.\d+)?)\s*(?:@|at|,)?\s*"
     r"([+-]?\d+(?:\.\d+)?)\s*(degC|°C|C|degF|°F|F|K)\s*",
     re.IGNORECASE,
 )
+# Summer grades of SAE J300 by the ISO VG whose viscosity at 100 degrees Celsius, as `iso_vg_viscosity`
+# has it, lies within their limits there (6.9, 9.3, 12.5, 16.3, 21.9, 26.1 mm^2/s).
+SAE_GRADES = {"20": 68.0, "30": 100.0, "40": 150.0, "50": 220.0, "60": 320.0}
 # Size and zero [K] of the degrees in which temperatures are given; differences have no zero.
 _LEVELS = dict.fromkeys(("degc", "°c", "c", "celsius"), (1.0, ZERO_CELSIUS))
 _LEVELS |= dict.fromkeys(("degf", "°f", "f", "fahrenheit"), (5 / 9, 459.67 * 5 / 9))
@@ -207,10 +210,17 @@ def _oil(grade: re.Match, key: str, given: str) -> float:
     """[Pa s] Viscosity of an oil by its grade and temperature."""
     from ..film import iso_vg_viscosity
 
-    size, zero = _LEVELS.get(grade[3].lower(), (1.0, 0.0))
-    kelvin = float(grade[2]) * size + zero
+    standard, number, temperature, unit = grade.groups()
+    if standard.upper() == "SAE":
+        if number not in SAE_GRADES:
+            known = ", ".join(SAE_GRADES)
+            problem = f"is no grade of SAE J300 for summer; known are {known}; or write a viscosity"
+            raise SceneError(key, problem, given)
+        number = SAE_GRADES[number]
+    size, zero = _LEVELS.get(unit.lower(), (1.0, 0.0))
+    kelvin = float(temperature) * size + zero
     try:
-        return float(iso_vg_viscosity(float(grade[1]), kelvin))
+        return float(iso_vg_viscosity(float(number), kelvin))
     except BadInput as error:
         raise SceneError(key, f"needs a {error.field} {error.bound}", given) from None
 
@@ -290,7 +300,7 @@ def _wanted(unit: str, level: bool = False) -> str:
     if unit == "Pa s":
         return (
             f'a text with a unit of the kind [{unit}], such as "{_EXAMPLES[unit]}", or the grade and '
-            'temperature of an oil, as "VG 46 at 60 degC"'
+            'temperature of an oil, as "VG 46 at 60 degC" or "SAE 30 at 80 degC"'
         )
     example = _EXAMPLES.get(unit, f"1.5 {unit}")
     return f'a text with a unit of the kind [{unit}], such as "{example}"'

@@ -295,7 +295,7 @@ COMMAND = ["bearing", "--length", "45mm", "--diameter", "90mm", "--clearance", "
 
 
 def test_the_command_prints_numbers_and_writes_pictures(pin, file, tmp_path):
-    arguments = [*COMMAND, "--loads", str(file), "--model", "ocvirk", "--out", str(tmp_path / "o")]
+    arguments = [*COMMAND, "--loads", str(file), "--model", "short", "--out", str(tmp_path / "o")]
     done = CliRunner().invoke(app, [*arguments, "--json"])
     assert done.exit_code == 0, done.output
     found = read_json(done.stdout)

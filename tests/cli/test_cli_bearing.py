@@ -112,7 +112,7 @@ def test_reverse_rotation_is_the_mirror_image():
     assert back["eccentricity_ratio"] == forth["eccentricity_ratio"]
 
 
-@pytest.mark.parametrize("model", ["guembel", "ocvirk", "fit", "petroff", "loaded-petroff"])
+@pytest.mark.parametrize("model", ["guembel", "short", "fit", "petroff", "loaded_petroff"])
 def test_every_model_has_the_same_keys_and_its_limits(model):
     numbers = found("--model", model)
     assert numbers.keys() >= REQUIRED
@@ -121,7 +121,7 @@ def test_every_model_has_the_same_keys_and_its_limits(model):
     assert table.exit_code == 0
     words = " ".join(table.stdout.split())
     assert " ".join(numbers["limits"].split()) in words
-    if model in ("fit", "petroff", "loaded-petroff"):
+    if model in ("fit", "petroff", "loaded_petroff"):
         assert numbers["stiffness"] is None
         assert numbers["peak_pressure"] is None
     else:

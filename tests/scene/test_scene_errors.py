@@ -363,3 +363,39 @@ def test_places_past_the_end_of_a_list():
         with_values(scene, {"gravity.2": "1 m/s^2"})
     with pytest.raises(SceneError, match="cannot be taken away alone"):
         with_values(scene, {"gravity.1": None})
+
+
+@pytest.mark.parametrize(
+    ("grade", "least", "most"),
+    [(20, 6.9, 9.3), (30, 9.3, 12.5), (40, 12.5, 16.3), (50, 16.3, 21.9), (60, 21.9, 26.1)],
+)
+def test_grades_of_sae_have_the_viscosity_of_their_standard(grade, least, most):
+    """[mm^2/s] Kinematic viscosity at 100 degrees Celsius by SAE J300, of an oil of 900 kg/m^3 at 15."""
+    dynamic = float(to_si(f"SAE {grade} at 100 degC", "Pa s", "dynamic_viscosity"))
+    density = 900 * (1 - 6.5e-4 * 85)
+    assert least < 1e6 * dynamic / density < most
+
+
+def test_a_grade_that_sae_has_not_is_answered_with_those_that_it_has():
+    with pytest.raises(SceneError, match=r"SAE 25.*known are 20, 30, 40, 50, 60"):
+        to_si("SAE 25 at 100 degC", "Pa s", "dynamic_viscosity")
+
+
+def test_a_film_by_its_author_is_answered_with_its_name():
+    text = (
+        GOOD
+        + """
+[friction]
+type = "slider_crank"
+[friction.crank_pin]
+type = "film"
+film = "ocvirk"
+diameter = "24 mm"
+length = "20 mm"
+radial_clearance = "20 um"
+dynamic_viscosity = "SAE 30 at 80 degC"
+"""
+    )
+    with pytest.raises(SceneError, match=r'crank_pin.film.*did you mean "short"'):
+        loads(text)
+    assert loads(text.replace("ocvirk", "short")).compressor.friction.crank_pin.film == "short"
