@@ -67,8 +67,8 @@ class JournalBearing(AbstractJournal):
 
     Full (360 degree) ring with p = 0 at its widest gap, aligned, isothermal, isoviscous, laminar,
     unfed. The journal stays where a steady load of each instant would hold it (no squeeze), or
-    moves in its film. Films that re-form around a moving journal are full of oil at once, which makes them too thick and their loss too low
-    where the feed is starved.
+    moves in its film. Films that re-form around a moving journal are full of oil at once, which makes
+    them too thick and their loss too low where the feed is starved.
 
     Args:
         diameter: [m] Journal diameter D.
