@@ -257,6 +257,15 @@ FILES = {
 
 WBHE = "mayekawa-wbhe"
 COMMANDS = {
+    "a step that does not divide a turn": _cli(
+        "run mayekawa-wbhe --step 0.7 --out r", "--step 0.7", "must divide 360"
+    ),
+    "a step without a folder": _cli("run mayekawa-wbhe --step 1", "--step", "--out FOLDER"),
+    "a run-up without its duration": _cli("simulate mayekawa-wbhe", "--duration", "2s"),
+    "vibration of a machine without a rotor": _cli("modes slider-link-8cc", "no [rotor]"),
+    "a comparison by what none has": _cli(
+        "compare mayekawa-wbhe --with bore=120mm --quantity cop", "cop", "valves"
+    ),
     "misspelt command": _cli("chek my.toml", "chek", "check"),
     "misspelt machine": _cli("check mayekawa-wbe", "mayekawa-wbe", WBHE),
     "missing file": _cli("run machines/my.toml", "machines/my.toml"),
@@ -398,6 +407,23 @@ READINGS = {
 }
 
 CALLS = {
+    "a name of the command line": _py(lambda scene: jc.run, "steady_state"),
+    "samples of a pair": _py(
+        lambda scene: jc.sweep(scene, {"mechanism.bore": (0.12, 0.14)}, EFFICIENCY, samples=8),
+        "mechanism.bore",
+        "jaxcomp.uniform(0.12, 0.14)",
+    ),
+    "samples without a range": _py(
+        lambda scene: jc.sweep(jc.problem(scene, ["mechanism.bore"], EFFICIENCY), samples=8),
+        "mechanism.bore",
+        "(low, high)",
+    ),
+    "a need that nobody knows": _py(
+        lambda scene: jc.register_quantity("mine", lambda r: r.orbit.margin, needs=("valve",)),
+        "needs",
+        "valve",
+        "valves",
+    ),
     "name of a file": _py(lambda s: jc.solve_orbit("my.toml"), '`jaxcomp.load("my.toml")`'),
     "no machine": _py(lambda s: jc.solve_orbit(None), "`jaxcomp.load("),
     "name for a study": _py(lambda s: jc.sensitivity("my.toml"), '`jaxcomp.load("my.toml")`'),
