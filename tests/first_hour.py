@@ -346,6 +346,20 @@ COMMANDS = {
         "N",
     ),
     "results into a file": _cli(f"run {WBHE} --out empty.toml", "empty.toml", "folder"),
+    "results over a file of one's own": _cli(
+        f"run {WBHE} --out mine", "scene.toml", "another folder", "--force"
+    ),
+    "schema over a file": _cli("schema empty.toml", "empty.toml", "--force"),
+    "film by its author": _cli(
+        "bearing --length 20mm --diameter 40mm --clearance 30um --viscosity 10mPa*s "
+        "--speed 3000rpm --load 2kN --model ocvirk",
+        "ocvirk",
+        "short",
+    ),
+    "quantity in capitals": _cli("sensitivity r290-6cc --quantity COP", "COP", '"cop"'),
+    "family of quantities": _cli(
+        f"sensitivity {WBHE} --quantity peak_force", "peak_force.<joint>", "list --quantities"
+    ),
     "new over a file": _cli("new empty.toml", "empty.toml", "--force"),
     "new of an unknown kind": _cli("new one.toml --kind fridge", "fridge", "refrigeration"),
     "new from an unknown machine": _cli("new one.toml --from r290", "r290", "r290-6cc"),
@@ -634,6 +648,8 @@ def prepare(folder: Path) -> None:
     """The files beside which the commands run."""
     (folder / "empty.toml").touch()
     (folder / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
+    (folder / "mine").mkdir()
+    (folder / "mine" / "scene.toml").write_text("mine")
     (folder / "bare.csv").write_text("run,target,speed,amplitude,phase\ninitial,A,1500,25.6,8.9\n")
 
 

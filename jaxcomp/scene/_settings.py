@@ -26,6 +26,7 @@ WORDS = (
 ERROR_OF = "largest error of "
 _LONGEST = 200  # characters of a value, behind which a remark may stand
 _AFTER_VALUE = re.compile(r"\s+\(|;|,\s")
+_WITHOUT_SIGN = re.compile(r"([A-Za-z][A-Za-z_ -]*?)\s+([-+]?\d.*)")
 _MEASURE = re.compile(rf"({NUMBER})\s*(.*)")
 _RANGE = re.compile(rf"({NUMBER})\s*(\S*?)\s*\bto\b\s*({NUMBER})\s*(\S*)")
 
@@ -67,6 +68,8 @@ def settings_of(
     numbers: dict[str, int] = {}
     for line in lines:
         name = known_name(line.key, known)
+        if line.sign == "":
+            _refuse_missing_sign(line, known)
         if line.sign != "=" and (name is None or line.sign == ""):
             continue  # a remark
         if name is None and bare_name(line.key).startswith(bare_name(ERROR_OF)):
@@ -83,6 +86,19 @@ def settings_of(
         settings[name] = line.value
         numbers[name] = line.number
     return settings
+
+
+def _refuse_missing_sign(line: SettingLine, known: Iterable[str]) -> None:
+    """Refuse a remark that is a setting without its sign, as "speed 900 rpm".
+
+    Raises:
+        SceneError: it is.
+    """
+    match = _WITHOUT_SIGN.fullmatch(line.key[:_LONGEST])
+    name = None if match is None else known_name(match[1], known)
+    if match is not None and name is not None and name not in WORDS:
+        problem = f'lacks its "="; write "# {name} = {match[2]}"'
+        raise SceneError(f"line {line.number}.{name}", problem)
 
 
 def _path_of(key: str, known: Iterable[str], machine: "Machine | None") -> str:

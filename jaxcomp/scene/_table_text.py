@@ -235,9 +235,13 @@ def _with_decimal_points(rows: list[Row]) -> list[Row]:
         other = f'"{with_point[1].strip()}" in line {with_point[0]}'
         problem = f"has a decimal comma, and {other} a decimal point; a file has one of the two"
         raise SceneError(f"line {number}", problem, cell.strip())
-    return [
-        Row(row.number, [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row.cells]) for row in rows
-    ]
+    return [Row(row.number, [_with_point(cell) for cell in row.cells]) for row in rows]
+
+
+def _with_point(cell: str) -> str:
+    """A number with a decimal point for its comma; any other text as it stands."""
+    match = _DECIMAL_COMMA.fullmatch(cell)
+    return cell if match is None else f"{match[1]}.{match[2]}"
 
 
 def _first_cell(rows: Sequence[Row], pattern: re.Pattern) -> tuple[int, str] | None:

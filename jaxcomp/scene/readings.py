@@ -221,7 +221,7 @@ def metadata_of(rating: Rating) -> dict[str, str]:
 def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed) -> Readings:
     count = len(table.heads) - 2
     if count not in (10, 20, 30):
-        raise SceneError("quantity", "must have 10, 20 or 30 coefficients behind it", count)
+        raise SceneError("quantity", "must have 10, 20 or 30 coefficients behind it", max(count, 0))
     if not table.rows:
         raise SceneError("quantity", f"has no line; a line has {', '.join(MEASURED)}")
     rows = {}
