@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
@@ -43,13 +43,15 @@ class Output:
     as_json: AsJson = False
     out: Out = None
     force: Force = False
+    # Files that are looked for before the work; others when they are written, after the tables.
+    names_ahead: ClassVar[tuple[str, ...]] = (*FIXED_NAMES, "scene.toml")
 
     def __post_init__(self) -> None:
         """Refuse a folder with files of the user before anything is solved."""
         if self.out is None:
             return
         try:
-            refuse_files_of_user(self.out, FIXED_NAMES, self.force)
+            refuse_files_of_user(self.out, self.names_ahead, self.force)
         except CommandError as error:
             show_error(error)
             raise typer.Exit(2) from None
@@ -119,6 +121,7 @@ class OutputWithoutScene(Output):
 
     out: OutWithoutScene = None
     force: Force = False
+    names_ahead: ClassVar[tuple[str, ...]] = FIXED_NAMES
 
 
 class Partial:

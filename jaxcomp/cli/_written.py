@@ -14,11 +14,7 @@ from ._start import CommandError
 
 RECORD = ".jaxcomp.json"
 # Names that commands write whatever they are asked, for which a folder is looked through before the work.
-FIXED_NAMES = (
-    "report.html", "result.json", "scene.toml", "interactive.html", "partial.csv", "map.csv",
-    "curves.csv", "coefficients.csv", "coefficients.idf", "coefficients.json", "identified.json",
-    "tolerances.toml",
-)  # fmt: skip
+FIXED_NAMES = ("report.html", "result.json", "interactive.html", "partial.csv", "identified.json")
 _FEW = 4  # files that a message names
 
 

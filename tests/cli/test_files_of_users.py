@@ -110,6 +110,15 @@ def test_a_file_of_the_user_is_seen_before_anything_is_solved(tmp_path, monkeypa
     assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
 
 
+def test_a_file_that_the_command_does_not_write_is_no_hindrance(tmp_path):
+    for name in ("scene.toml", "runs.csv", "map.csv"):
+        (tmp_path / name).write_text("mine")
+    done = invoke(*COMMAND, "--out", tmp_path)
+    assert done.exit_code == 0, done.output
+    for name in ("scene.toml", "runs.csv", "map.csv"):
+        assert (tmp_path / name).read_text() == "mine"
+
+
 def test_a_result_that_was_changed_since_is_the_users(tmp_path):
     assert invoke(*COMMAND, "--out", tmp_path).exit_code == 0
     report = tmp_path / "report.html"
