@@ -5,6 +5,8 @@ ratio r, with noise of 0.004 and 1 %; the truth is c 0.05, n 1.12, f 1.25. Expec
 SciPy and Newton's method to rounding, with derivatives by hand.
 """
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 
 from jaxcomp import BadInput
 from jaxcomp.study import Parameter, fit
+from jaxcomp.study.identification._notes import _of_fit
 
 RATIO = np.array([2, 2.5, 3, 3.5, 4, 4.5, 5, 5.5, 6, 7, 8, 9])
 FILLING = np.array(
@@ -232,6 +235,38 @@ def test_a_point_without_value_shortens_the_step():
     assert found.failed_starts > 0
     with pytest.raises(BadInput, match="have a computed value"):
         fit(fails, (UNKNOWN[0]._replace(start=0.2), *UNKNOWN[1:]), MEASURED, SD, starts=1)
+
+
+def test_a_fit_that_cannot_move_says_so():
+    """Beside a start that has a value nothing has: no step tells of a minimum."""
+    start = np.array([one.start for one in UNKNOWN])
+
+    def only_there(p):
+        value, slope = MODEL(p)
+        return np.where(np.abs(p - start).max() > 1e-7, np.nan, value), slope
+
+    found = fit(only_there, UNKNOWN, MEASURED, SD, starts=1)
+    assert found.stuck
+    assert not found.converged
+    assert found.lost_steps > 0
+    np.testing.assert_allclose(found.estimate, start, rtol=1e-6)
+    told = [*_of_fit(found, SimpleNamespace(measurements=()))]
+    assert "the fit never moved" in told[0]
+    assert not any("does not explain" in one for one in told)
+
+
+def test_a_fit_that_is_stuck_goes_on_from_another_start():
+    """An island without a way off it, and the truth elsewhere."""
+
+    def moat(p):
+        value, slope = MODEL(p)
+        inner, outer = (np.abs(p[0] / 0.03 - 1) < width for width in (1e-7, 0.2))
+        return np.where(outer and not inner, np.nan, value), slope
+
+    lone = fit(moat, UNKNOWN, MEASURED, SD, starts=1)
+    assert lone.converged
+    assert not lone.stuck
+    assert lone.estimate[0] == pytest.approx(0.0500046, rel=4e-6)
 
 
 def test_a_bound_that_holds_a_parameter_is_told():

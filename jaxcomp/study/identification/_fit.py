@@ -23,6 +23,8 @@ _AT_BOUND = 1e-3
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
 _NEAR, _APART = 4.0, 0.1
+# Further starts where no step of any start had a value, and their spread over the ranges.
+_OTHERS, _NEARBY = 3, 0.3
 
 
 class Minimum(NamedTuple):
@@ -70,6 +72,8 @@ class Fit:
         converged: whether the solver met its tolerance.
         failed_starts: starts at which the model has no value.
         interrupted: whether an interrupt ended it, with the best values so far.
+        lost_steps: evaluations of the best start at which the model had no value.
+        stuck: whether the best start never moved, since no step from it had a value.
     """
 
     parameters: tuple[Parameter, ...]
@@ -92,6 +96,8 @@ class Fit:
     loss: str = "linear"
     model: Model | None = dataclasses.field(default=None, repr=False, compare=False)
     interrupted: bool = False
+    lost_steps: int = 0
+    stuck: bool = False
 
     @property
     def standard_error(self) -> NDArray:
@@ -260,11 +266,11 @@ def fit(
     if starts > 1:
         cube = qmc.LatinHypercube(first.size, rng=seed).random(starts - 1)
         points += list(problem.low + cube * (problem.high - problem.low))
-    answers = []
-    for number, point in enumerate(points, 1):
+    answers, number = [], 0
+    for number, point in enumerate(_with_others(points, answers, problem, seed), 1):
         if progress is not None:
             best = f"chi-square {2 * problem.best[0]:.4g} so far" if answers else "the first"
-            progress(f"start {number} of {len(points)}, {best}")
+            progress(f"start {number} of {max(number, len(points))}, {best}")
         found = problem.solve(point, loss)
         if found is not None:
             answers.append(found)
@@ -275,7 +281,20 @@ def fit(
         bad = np.flatnonzero(~np.isfinite(value) & (weight > 0))
         raise BadInput("start", bad.tolist(), "one at which all readings have a computed value")
     best = min(answers, key=lambda one: one.cost)
-    return _fit(problem, best, answers, loss, len(points) - len(answers))
+    return _fit(problem, best, answers, loss, number - len(answers))
+
+
+def _with_others(points, answers, problem: LeastSquares, seed: int) -> Iterator[NDArray]:
+    """The starts, and further ones near the first while every one was stuck."""
+    yield from points
+    first, span = points[0], problem.high - problem.low
+    cube = qmc.LatinHypercube(first.size, rng=seed + 1).random(_OTHERS)
+    for share in cube:
+        if not answers or not all(one.stuck for one in answers) or problem.interrupted:
+            return
+        # nearer than the others, as a machine that runs is likely to be
+        other = first + _NEARBY * (share - 0.5) * span
+        yield np.clip(other, problem.low, problem.high)
 
 
 def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
@@ -313,6 +332,8 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
         loss=loss,
         model=problem.model,
         interrupted=problem.interrupted,
+        lost_steps=int(best.lost),
+        stuck=bool(best.stuck),
     )
 
 

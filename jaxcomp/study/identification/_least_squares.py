@@ -26,6 +26,11 @@ LOSSES = ("linear", "soft_l1", "huber")
 # Evaluations of a start, and how many of them may lower chi-square by less than `_LITTLE` in all: where
 # valves have kinks, steps shrink and shrink without a minimum nearby that they would meet.
 _MOST, _PATIENCE, _LITTLE = 60, 6, 1e-3
+# Evaluations without a value, one after the other, after which a start is given up: each of them quarters
+# the step.
+_LOST = 12
+# Distance over the range below which a start has not moved.
+_MOVED = 1e-6
 
 
 class Parameter(NamedTuple):
@@ -186,39 +191,55 @@ class LeastSquares:
             with interrupts_raised():
                 return self._solve(start, loss, free, whole)
         except _Settled as settled:
-            cost, t, count = settled.args
-            return optimize.OptimizeResult(x=t, cost=cost, nfev=count, success=True)
+            cost, t, count, lost = settled.args
+            stuck = self.stuck(start, t, lost)
+            return optimize.OptimizeResult(
+                x=t, cost=cost, nfev=count, success=not stuck, lost=lost, stuck=stuck
+            )
         except KeyboardInterrupt:
             if not self.best[1].size:
                 raise
             self.interrupted = True
-            return optimize.OptimizeResult(x=self.best[1], cost=self.best[0], nfev=0, success=False)
+            return optimize.OptimizeResult(
+                x=self.best[1], cost=self.best[0], nfev=0, success=False, lost=0, stuck=False
+            )
+
+    def stuck(self, start: NDArray, end: NDArray, lost: int) -> bool:
+        """Whether a start never moved because steps from it, so many, have no value."""
+        return lost > 0 and bool(np.all(np.abs(end - start) < _MOVED * (self.high - self.low)))
 
     def _solve(self, start: NDArray, loss: str, free: NDArray, whole):
-        lowest, place, idle, count = np.inf, start, 0, 0
+        lowest, place, idle, count, lost, row = np.inf, start, 0, 0, 0, 0
 
         def residual(x):
-            nonlocal lowest, place, idle, count
+            nonlocal lowest, place, idle, count, lost, row
             t = whole(x)
             found = self.at(t)[0]
             cost = self.cost(found, loss)
-            # The cost is half of chi-square.
-            idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
             count += 1
+            if np.isfinite(cost):
+                # The cost is half of chi-square.
+                idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
+                row = 0
+            else:
+                # no step at all: nothing is known of a minimum
+                lost, row = lost + 1, row + 1
             if cost < lowest:
                 lowest, place = cost, t
             if cost < self.best[0]:
                 self.best = cost, t
                 self.told()
-            if idle > _PATIENCE:
-                raise _Settled(lowest, place, count)
+            if idle > _PATIENCE or row >= _LOST:
+                raise _Settled(lowest, place, count, lost)
             return found
 
         if not np.all(np.isfinite(residual(start[free]))):
             return None
         if not free.any():
             cost = self.cost(self.at(start)[0], loss)
-            return optimize.OptimizeResult(x=start, cost=cost, nfev=1, success=True)
+            return optimize.OptimizeResult(
+                x=start, cost=cost, nfev=1, success=True, lost=0, stuck=False
+            )
         # strictly inside, as the solver wants its start
         span = self.high - self.low
         begin = np.clip(start, self.low + 1e-9 * span, self.high - 1e-9 * span)
@@ -237,5 +258,8 @@ class LeastSquares:
             gtol=1e-9,
             max_nfev=_MOST,
         )
-        found.x = whole(found.x)
+        found.x, found.lost = whole(found.x), lost
+        # else the tolerance was met by steps that shrank to nothing
+        found.stuck = self.stuck(start, found.x, lost)
+        found.success = found.success and not found.stuck
         return found

@@ -64,7 +64,13 @@ def _of_parameters(found: Fit) -> Iterator[str]:
 
 def _of_fit(found: Fit, model: ReadingModel) -> Iterator[str]:
     """Whether the model explains the readings, and whether the fit is the only one."""
-    if found.p_value < _REJECTED:
+    if found.stuck:
+        yield (
+            f"the fit never moved: none of {found.lost_steps} steps from its start has a solution at all "
+            "points, nor have those of the other starts; these are the values it began with. Begin "
+            "elsewhere, narrow the ranges, or leave out the points at the edge of what the machine does"
+        )
+    elif found.p_value < _REJECTED:
         yield (
             "the model does not explain the readings within the stated deviations: errors of the "
             f"parameters are too small; intervals of predictions are inflated by {found.scatter:.3g}"
