@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput
+from jaxcomp import BadInput, load
 from jaxcomp.cli._app import app
 from jaxcomp.fluid import RealGas
 from jaxcomp.scene import SceneError
@@ -172,6 +172,24 @@ def test_a_capacity_that_contradicts_the_flow(tmp_path):
     wrong = read(tmp_path, f"{head}\n-5,30,5,0,14367.3,282.47")
     with pytest.raises(BadInput, match=r"at most 3%.*subcooling .* leave 0\."):
         wrong.check_points(RealGas("R22"))
+
+
+def test_readings_beyond_what_the_machine_can_do(tmp_path):
+    """Point by point, before anything is fitted; a number in the wrong unit is the usual cause."""
+    good, machine = read(tmp_path, MAP), load("carlyle-06dm313").machine
+    good.check_limits(machine, [])
+    power, capacity = good.measured["power"], good.measured["capacity"]
+    weak = dataclasses.replace(good, measured={"capacity": capacity, "power": 0.4 * power})
+    with pytest.raises(BadInput, match=r"power \[W\].*the power of isentropic compression of"):
+        weak.check_limits(machine, [])
+    big = dataclasses.replace(good, measured={"capacity": 3 * capacity})
+    with pytest.raises(BadInput, match=r"capacity \[W\].*more than the piston displaces"):
+        big.check_limits(machine, [])
+    # unless what the pistons displace is to be found
+    big.check_limits(machine, ["mechanism.bore"])
+    # three standard deviations are granted
+    far = dataclasses.replace(weak, sd={"power": power})
+    far.check_limits(machine, [])
 
 
 def made_map(speed):

@@ -62,6 +62,7 @@ def identify(
     design, prior = machine_of(machine), dict(prior or {})
     for one in given:
         one.check(design)
+        one.check_limits(design, list(vary))
     known = list(dict.fromkeys(name for one in given for name in one.names_of_sd))
     for name in (sd or {}).keys() - set(known):
         raise BadInput("sd", name, one_of(name, known))

@@ -83,6 +83,15 @@ class AbstractMeasurement(abc.ABC):
     def check(self, machine: Machine) -> None:
         """Raise `BadInput` for readings that cannot be, or a machine that does not suit them."""
 
+    def check_limits(self, machine: Machine, varied: Sequence[str]) -> None:
+        """Raise `BadInput` for readings that the machine cannot have whatever the constants are.
+
+        Args:
+            machine: whose numbers hold, but for those that are varied.
+            varied: their names.
+        """
+        del machine, varied
+
     def solved_by(self, solver: "Collocation | Shooting | None") -> Self:
         """The same readings; the periodic states that they follow from are found by another solver."""
         own = any(one.name == "solver" for one in dataclasses.fields(cast(Any, self)))

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from ..._core.errors import BadInput, kind_text
+from ..._core.exported import kept_jit
+from ...compressor import Compressor, mechanisms_of
 from ...cylinder import Cylinder
 from ...fluid import RealGas
 from ...machine import Machine, assembled
@@ -32,6 +34,8 @@ MEASURED = {
 _CONTRADICTION = 0.03
 # [K] Gas that is hotter, or liquid that is colder, comes to no compressor.
 _MOST_SUPERHEAT, _MOST_SUBCOOLING = 200.0, 100.0
+# Numbers that change what the pistons displace.
+_OF_DISPLACEMENT = ("mechanism.", "bore", "stroke", "crankshaft.")
 # Speeds closer together than this are one.
 _SAME_SPEED = 1e-3
 
@@ -150,6 +154,44 @@ class Readings(AbstractMeasurement):
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 
+    def check_limits(self, machine, varied):
+        """Refuse flows above what the piston displaces, and powers below that of isentropic compression.
+
+        By the gas that comes, without leakage, heat or loss: no constants of a machine reach them. Three
+        standard deviations of the readings are granted.
+        """
+        compressor: Any = machine.as_compressor()
+        fluid = compressor.gas.fluid
+        columns = self.evaporating, self.condensing, self.gas, self.useful, self.liquid
+        found = _limits(fluid, *(jnp.asarray(column, float) for column in columns))
+        density, work, worth = map(np.asarray, found)
+        none = np.full(self.evaporating.size, np.nan)
+        turns, _ = self.points(machine)
+        displaced = density * displacement(compressor) * turns.speed / (2 * np.pi)
+        flows = {"mass_flow": 1.0, "capacity": worth}
+        sized = any(name.startswith(_OF_DISPLACEMENT) for name in varied)
+        for name, per_flow in flows.items():
+            most, measured = displaced * per_flow, self.measured.get(name, none)
+            room = 3 * self.deviation(name, {}) if name in self.measured else 0.0
+            for n in np.flatnonzero(measured - room > most):
+                if not sized:
+                    bound = f"at most {most[n]:.4g}: more than the piston displaces of the gas that comes"
+                    raise BadInput(self._place(n, name), measured[n], bound)
+        flow = self.measured.get("mass_flow", none)
+        flow = np.where(np.isfinite(flow), flow, self.measured.get("capacity", none) / worth)
+        power = self.measured.get("power", none)
+        share = 3 * _deviation_of_flow(self) * flow * work
+        room = np.hypot(share, 3 * self.deviation("power", {})) if "power" in self.measured else 0.0
+        for n in np.flatnonzero(power + room < flow * work):
+            bound = (
+                f"at least {flow[n] * work[n]:.4g}, the power of isentropic compression of "
+                f"{flow[n]:.4g} kg/s"
+            )
+            raise BadInput(self._place(n, "power"), power[n], bound)
+
+    def _place(self, n: int, name: str) -> str:
+        return f"{self.source}: point {self.names[n]}: {name} [{MEASURED[name][0]}]"
+
     def _check_measured(self) -> None:
         """Refuse speeds and readings that no compressor has."""
         least = {name: np.zeros(self.evaporating.size) for name in self.measured}
@@ -158,8 +200,8 @@ class Readings(AbstractMeasurement):
         for name, values in {**self.measured, "speed": self.speed}.items():
             low = least.get(name, np.zeros(self.evaporating.size))
             for n in np.flatnonzero(values <= low):
-                unit = MEASURED[name][0] if name in MEASURED else "rad/s"
-                at = f"{self.source}: point {self.names[n]}: {name} [{unit}]"
+                at = f"{self.source}: point {self.names[n]}: speed [rad/s]"
+                at = self._place(n, name) if name in MEASURED else at
                 raise BadInput(at, values[n], f"above {low[n]:.4g}")
 
     def entries(self, sd):
@@ -263,6 +305,34 @@ class Readings(AbstractMeasurement):
             f"{best} leave {pairs[best]:.1%}"
         )
         raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
+
+
+@kept_jit
+def _limits(fluid: RealGas, evaporating, condensing, gas, useful, liquid):
+    """[kg/m^3] Of the gas that comes, [J/kg] of its isentropic compression, [J/kg] of capacity; (n,)."""
+
+    def at(evaporating, condensing, gas, useful, liquid):
+        low, high = fluid.saturation(T=evaporating).p, fluid.saturation(T=condensing).p
+        suction = fluid.state(gas, fluid.density(gas, low))
+        warm = jnp.maximum(gas, condensing) + 20.0
+        behind = fluid.at_entropy(high, suction.s, fluid.state(warm, fluid.density(warm, high)))
+        worth = capacity_rise(fluid, evaporating, useful, liquid)
+        return suction.rho, behind.h - suction.h, worth
+
+    return jax.vmap(at)(evaporating, condensing, gas, useful, liquid)
+
+
+def displacement(compressor: Compressor) -> float:
+    """[m^3] that all pistons displace in a revolution."""
+    return sum(float(one.swept_volume) for one in mechanisms_of(compressor))
+
+
+def _deviation_of_flow(readings: Readings) -> NDArray:
+    """[-] (n,) relative, of the flow or else of the capacity."""
+    for name in ("mass_flow", "capacity"):
+        if name in readings.measured:
+            return np.nan_to_num(readings.deviation(name, {}) / readings.measured[name])
+    return np.zeros(readings.evaporating.size)
 
 
 def _bare(fluid: str) -> str:
