@@ -72,8 +72,13 @@ class Compressor(Part):
 
     @property
     def swept_volume(self) -> Float[Array, ""]:
-        """[m^3] of a cylinder; of several different ones the first."""
-        return of_cylinder(self.mechanism).swept_volume
+        """[m^3] of a cylinder, on both sides of a double-acting piston; of different ones the first."""
+        swept = of_cylinder(self.mechanism).swept_volume
+        rod = getattr(self.gas, "rod_diameter", None)
+        if rod is None:
+            return swept
+        area = jnp.pi / 4 * jnp.ravel(rod)[0] ** 2
+        return 2 * swept - area * of_cylinder(self.mechanism).stroke
 
     @property
     def load_reversals(self) -> int:
@@ -304,6 +309,12 @@ def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics,
     # rounding must not push the volume below that of the dead centre
     displaced = area * jnp.maximum(top - kinematics.position, 0.0)
     return Stroke(angle, displaced, area * (top - bottom), jnp.sign(kinematics.position_1) * sense)
+
+
+def piston_strokes(compressor: Compressor) -> tuple[Float[Array, "*k"], Float[Array, "*k"]]:
+    """[m^2] and [m] Areas and strokes of the pistons, of every cylinder or of all."""
+    top, bottom = compressor.mechanism.piston_extremes()
+    return compressor.mechanism.piston_area, top - bottom
 
 
 def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Stroke:

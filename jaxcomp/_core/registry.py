@@ -29,6 +29,9 @@ _WORDS = {
     "refrigerant": "a real gas",
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
+    "simple_cycle": "a gas of type polytropic, double_acting or staged",
+    "gas.inlet_temperature": "a simple cycle with an inlet_temperature",
+    "gas.stages": "a gas of type staged",
 }
 # Sections of a machine file that a quantity may need as well.
 _PARTS = ("rotor", "loads", "balancing", "suspension", "torsion")
@@ -90,12 +93,25 @@ class Quantity(NamedTuple):
             "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
             "journals": _has_journals(compressor),
             "gas.walls": getattr(gas, "walls", None) is not None,
+            "simple_cycle": getattr(gas, "kind", "") in _KINDS_OF_SIMPLE,
+            "gas.inlet_temperature": _inlet(gas) is not None,
+            "gas.stages": hasattr(gas, "stages"),
             "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
         }
         for section in self.sections:
             if not has.get(section, section in machine.parts):
                 return _WORDS.get(section, f"a section [{section}]")
         return ""
+
+
+def _inlet(gas: Any) -> Any:
+    """The inlet temperature of a simple cycle, of the head end of a double-acting one."""
+    return getattr(getattr(gas, "head_end", gas), "inlet_temperature", None)
+
+
+def _between_stages(machine: Any) -> list[str]:
+    """Stages that have another one behind them."""
+    return [str(stage) for stage in range(1, max(machine.compressor.gas.stages))]
 
 
 def _has_journals(compressor: Any) -> bool:
@@ -108,6 +124,8 @@ def _has_journals(compressor: Any) -> bool:
 
 _CYCLE = ("orbit", "cycle")
 _VALVES = ("suction", "discharge")
+_SIMPLE = ("orbit", "compressor", "simple_cycle")
+_KINDS_OF_SIMPLE = ("polytropic", "double_acting", "staged")
 _JOURNALS = ("orbit", "compressor", "journals")
 _BUILT_IN = (
     Quantity("mechanical_efficiency", "", "more", "Gas work over motor work.",
@@ -132,8 +150,21 @@ _BUILT_IN = (
              lambda r: r.orbit.mean_forces),
     Quantity("joint_margin", "", "more", "Margin against self-locking: 1 without friction, locks at 0.",
              lambda r: r.orbit.margin),
-    Quantity("swept_volume", "m^3", "", "Volume that the piston displaces in one stroke.",
+    Quantity("swept_volume", "m^3", "",
+             "Volume that a piston displaces in one stroke; of a double-acting one on both sides.",
              lambda r: r.assembly.compressor.swept_volume, ("compressor",)),
+    Quantity("free_air", "m^3/s", "more", "Volume drawn by ideal valves, at the state of the inlet.",
+             lambda r: r.delivered.free_air, _SIMPLE),
+    Quantity("ideal_volumetric_efficiency", "", "more",
+             "Volume drawn by ideal valves over the swept volume of the first stage.",
+             lambda r: r.delivered.volumetric_efficiency, _SIMPLE, percent=True),
+    Quantity("delivered_mass", "kg/s", "more", "Mass that ideal valves deliver.",
+             lambda r: r.delivered.mass_flow, (*_SIMPLE, "gas.inlet_temperature")),
+    Quantity("delivery_temperature", "K", "less", "Of the gas after polytropic compression.",
+             lambda r: r.delivered.temperature, (*_SIMPLE, "gas.inlet_temperature")),
+    Quantity("stage_pressure.<stage>", "Pa", "", "Behind a stage, before the next one.",
+             lambda r: r.delivered.stage_pressures, (*_SIMPLE, "gas.stages"),
+             members=_between_stages),
     Quantity("peak_shaking_force", "N", "less", "Largest shaking force over the revolution.",
              lambda r: r.peak_shaking_force, ("orbit", "compressor")),
     Quantity("peak_shaking_moment", "N m", "less", "Largest shaking moment over the revolution.",

@@ -51,6 +51,8 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
         each = "" if count == 1 else f" in each of {count} cylinders"
+        if getattr(compressor.gas, "rod_diameter", None) is not None:
+            each = f" on both sides{each}"
         if listed(compressor.mechanism):
             each = " in the first of them"
         rows.append(("Bore x stroke", size, f"{volume} swept{each}"))
@@ -76,6 +78,9 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")
         rows.append((name, text, note))
+    for stage, pressure in result.get("stage_pressure", {}).items():
+        text = shown("", "Pa", pressure).text(pressure)
+        rows.append((f"Behind stage {stage}", text, "Pressure between the stages"))
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
     title = scene.name + (f" with {', '.join(changes)}" if changes else "")
     return row_table(title, ("Periodic state", "", ""), rows, texts=3)

@@ -23,6 +23,9 @@ class PolytropicCycle(AbstractGas):
         exponent: [-] of compression and re-expansion; 1 is isothermal.
         clearance_ratio: [-] clearance volume over swept volume.
         back_pressure: [Pa] absolute, behind the piston; the suction pressure if absent.
+        inlet_temperature: [K] of the gas that comes; with it the mass delivered and its temperature are
+            known.
+        gas_constant: [J/(kg K)] specific; of air if absent.
     """
 
     kind: ClassVar[str] = "polytropic"
@@ -45,6 +48,16 @@ class PolytropicCycle(AbstractGas):
         doc="behind the piston; the suction pressure if absent",
         usual=(1e3, 2e7),
     )
+    inlet_temperature: Float[Array, ""] | None = quantity(
+        "K",
+        POSITIVE,
+        default=None,
+        doc="of the gas that comes, for what is delivered",
+        usual=(200.0, 400.0),
+    )
+    gas_constant: Float[Array, ""] = quantity(
+        "J/(kg K)", POSITIVE, default=287.05, doc="specific, of air if absent", usual=(20.0, 4200.0)
+    )
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         compresses = self.discharge_pressure > self.suction_pressure
@@ -64,6 +77,12 @@ class PolytropicCycle(AbstractGas):
     def delivers(self) -> Bool[Array, ""]:
         """Whether the compression reaches the discharge pressure, so that gas flows."""
         return 1 + self.clearance_ratio > self.clearance_ratio * self._opening
+
+    @property
+    def filling(self) -> Float[Array, ""]:
+        """[-] Volume drawn, at the state of the inlet, over swept volume: 1 + c - c r^(1/n)."""
+        clearance = self.clearance_ratio
+        return jnp.maximum(1 + clearance - clearance * self._opening, 0.0)
 
     @property
     def _opening(self) -> Float[Array, ""]:

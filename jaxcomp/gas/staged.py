@@ -75,6 +75,9 @@ class StagedCycle(AbstractGas):
         back_pressure: [Pa] absolute, behind the pistons; the suction pressure if absent. With a rod,
             on its other end.
         rod_diameter: [m] of the piston rods of double-acting cylinders; absent for single-acting.
+        inlet_temperature: [K] of the gas that comes; with it the mass delivered and its temperature are
+            known.
+        gas_constant: [J/(kg K)] specific; of air if absent.
 
     Raises:
         BadInput: stages that do not begin at 1 or leave one out.
@@ -97,6 +100,16 @@ class StagedCycle(AbstractGas):
         "Pa", NONNEGATIVE, default=None, usual=(1e3, 2e7)
     )
     rod_diameter: Float[Array, ""] | None = quantity("m", POSITIVE, default=None, usual=(5e-3, 0.3))
+    inlet_temperature: Float[Array, ""] | None = quantity(
+        "K",
+        POSITIVE,
+        default=None,
+        doc="of the gas that comes, for what is delivered",
+        usual=(200.0, 400.0),
+    )
+    gas_constant: Float[Array, ""] = quantity(
+        "J/(kg K)", POSITIVE, default=287.05, doc="specific, of air if absent", usual=(20.0, 4200.0)
+    )
 
     def __check_init__(self):
         if not self.stages or set(self.stages) != set(range(1, len(set(self.stages)) + 1)):

@@ -34,7 +34,7 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
         mechanism: Any = of_cylinder(scene.compressor.mechanism)
         gas = of_cylinder(scene.compressor.gas)
         yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
-        yield "Swept volume", 1e6 * float(mechanism.swept_volume), "cm3"
+        yield "Swept volume", 1e6 * float(scene.compressor.swept_volume), "cm3"
         if scene.compressor.crankshaft.count > 1:
             yield from _of_cylinders(scene.compressor)
         bore = getattr(mechanism, "bore", None)

@@ -31,6 +31,7 @@ from ..friction.interface import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
 from ..vibration.interface import CrankLoads
+from ._ideal_delivery import IdealDelivery, ideal_delivery
 from ._options import AnalysisOptions
 from ._rotor_response import (
     Vibration,
@@ -83,6 +84,12 @@ class DesignResult:
     def performance(self) -> Performance:
         """Capacity, efficiencies and powers of a compressor with valves."""
         return performance(self._compressor, self.orbit)
+
+    @cached_property
+    def delivered(self) -> IdealDelivery:
+        """What a machine with simple cycles delivers."""
+        given = self.design.compressor
+        return ideal_delivery(self._compressor, given and given.gas, self.orbit.mean_speed)
 
     @cached_property
     def wrench(self) -> Wrench:

@@ -1,0 +1,83 @@
+"""What simple cycles deliver, against textbooks and closed forms."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers import machine
+
+from jaxcomp import BadInput, Machine, PolytropicCycle, load
+from jaxcomp.gas import DoubleActing, StagedCycle
+from jaxcomp.motor import MeanSpeed
+from jaxcomp.study import available_quantities, problem
+
+RPM = np.pi / 30
+ASKED = ["free_air", "ideal_volumetric_efficiency"]
+HEATED = ["delivered_mass", "delivery_temperature"]
+
+
+def quantities(compressor, names):
+    asked = problem(Machine(compressor), {}, names)
+    return dict(zip(names, np.asarray(asked(jnp.zeros(0)).values), strict=True))
+
+
+def test_a_single_stage_of_a_textbook():
+    """Arasu, Thermal Engineering, example 5.1: 200 x 300 mm, 100 rpm, 1 to 8 bar, n = 1.25, 300 K."""
+    gas = PolytropicCycle(1e5, 8e5, 1.25, 0.0, 1e5, 300.0, 287.0)
+    made = machine(gas=gas, bore=0.2, crank_radius=0.15, conrod_length=0.75, inertia=20.0,
+                   motor=MeanSpeed(100 * RPM))  # fmt: skip
+    found = quantities(made, [*ASKED, *HEATED])
+    # printed to four digits
+    assert 60 * found["free_air"] == pytest.approx(0.9425, abs=5e-5)
+    assert 60 * found["delivered_mass"] == pytest.approx(1.0946, abs=5e-5)
+    assert found["delivery_temperature"] == pytest.approx(454.71, abs=5e-3)
+    assert found["ideal_volumetric_efficiency"] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_clearance_takes_of_the_flow():
+    made = machine(gas=PolytropicCycle(98e3, 980e3, 1.05, 0.0028, 98e3))
+    filling = 1 + 0.0028 - 0.0028 * 10 ** (1 / 1.05)
+    found = quantities(made, ASKED)
+    swept = float(made.mechanism.swept_volume)
+    turns = float(made.motor.mean_speed) / (2 * np.pi)
+    assert found["ideal_volumetric_efficiency"] == pytest.approx(filling, rel=1e-12)
+    # the mean speed is that of the orbit, to its tolerance
+    assert found["free_air"] == pytest.approx(filling * swept * turns, rel=1e-9)
+
+
+def test_both_ends_of_a_piston_count():
+    end = PolytropicCycle(98e3, 400e3, 1.3, 0.1, 98e3)
+    made = machine(gas=DoubleActing(end, end, 0.03))
+    one = machine(gas=end)
+    both, single = (
+        quantities(made, [*ASKED, "swept_volume"]),
+        quantities(one, [*ASKED, "swept_volume"]),
+    )
+    rod = 1 - (0.03 / float(made.mechanism.bore)) ** 2
+    assert both["free_air"] == pytest.approx((1 + rod) * single["free_air"], rel=1e-9)
+    assert both["swept_volume"] == pytest.approx((1 + rod) * single["swept_volume"], rel=1e-12)
+    efficiency = "ideal_volumetric_efficiency"
+    assert both[efficiency] == pytest.approx(single[efficiency], rel=1e-12)
+
+
+def test_a_cylinder_that_only_squeezes_delivers_nothing():
+    found = quantities(machine(gas=PolytropicCycle(98e3, 980e3, 1.05, 0.5, 98e3)), ASKED)
+    assert found["free_air"] == 0.0
+
+
+def test_stages_name_the_pressure_between_them():
+    """Equal flows: V1 (1 + c1 - c1 r1^(1/n)) p0 = V2 (1 + c2 - c2 r2^(1/n)) p1."""
+    scene = load("two-stage-crosshead")
+    gas = scene.machine.compressor.gas
+    assert isinstance(gas, StagedCycle)
+    names = [*available_quantities(scene.machine, members=True)]
+    assert "stage_pressure.1" in names
+    found = quantities(scene.machine.compressor, ["stage_pressure.1", "free_air"])
+    mechanism = scene.compressor.mechanism
+    area, stroke = np.asarray(mechanism.piston_area), np.asarray(mechanism.stroke)
+    between = np.asarray(gas.between(area, stroke))
+    assert found["stage_pressure.1"] == pytest.approx(between[1], rel=1e-12)
+
+
+def test_the_temperature_of_the_inlet_is_asked_for():
+    with pytest.raises(BadInput, match="inlet_temperature"):
+        problem(Machine(machine()), {}, ["delivered_mass"])
