@@ -49,7 +49,8 @@ class CrankAngleTable(AbstractDiagram):
         step = jnp.abs(pressure[-1] - pressure[0])
         alike = step <= _SAME_PRESSURE * (jnp.max(pressure) - jnp.min(pressure))
         return {
-            "a table with rising angles within one revolution": rising & within,
+            "a table within one revolution (two, as of four strokes, are not modelled)": within,
+            "a table with rising angles": rising,
             "a table whose cylinder_pressure is the same at both ends of the revolution": alike
             | ~self.closed,
             "a table of at least three points": jnp.asarray(self.angle.size > 2)

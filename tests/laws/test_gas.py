@@ -347,3 +347,10 @@ def test_bad_tables_are_refused():
         VolumeTable([0.0, 0.5, 0.9], [1e5] * 3, [1e5] * 3, 1e5)
     with pytest.raises(ValueError, match="same length"):
         FourierDiagram(1e5, [1.0], [1.0, 2.0], 1e5)
+
+
+def test_a_table_over_two_revolutions_is_refused_in_one_line():
+    angle = np.linspace(0, 4 * np.pi, 72, endpoint=False)
+    with pytest.raises(BadInput, match="two, as of four strokes, are not modelled") as told:
+        CrankAngleTable(angle, 1e5 + 0 * angle, 1e5)
+    assert len(str(told.value)) < 250
