@@ -97,7 +97,9 @@ def optimise(
     goal, sample = search.sampled(goal)
     begin = sample.starts(count) if given is None else given
     descents = search.descents([(goal, start) for start in begin], chosen)
-    if sample.best is None and not any(one.best.feasible for one in descents):
+    ends = [one.best for one in descents]
+    solvable = any(end.ok for end in ends)  # starts that were given may all fail
+    if sample.best is None and solvable and not any(end.feasible for end in ends):
         descents += search.nearest(goal, descents, chosen)
     return optimum_of(goal, sample, descents)
 

@@ -296,6 +296,8 @@ def _start(descent: Descent, best: Point) -> Start:
 def _compared(sample: Sample, end: Point) -> tuple[str, bool]:
     """The verdict, and whether a sample is better."""
     among = f"{len(sample.ok)} samples"
+    if sample.best is None and not end.ok:
+        return f"no start and none of {among} keeps all constraints", False
     if sample.best is None and not end.feasible:
         return _missed(end.goal.problem, _constrained(end)), False
     if sample.best is not None:

@@ -169,7 +169,11 @@ def test_impossible_constraint_is_a_status(scene):
     assert found.status == "no feasible design"
     assert {start.status for start in found.starts} == {"no feasible design"}
     assert found.constraints[0].violation > 0.1
-    assert "none of 257 samples keeps all constraints" in found.verdict
+    assert found.verdict == (
+        "no design found within the ranges keeps its limits: the nearest breaks total <= -2 by 2"
+    )
+    assert list(found.values.values()) == [0, 0]  # where the total of both is least
+    assert found.constraints[0].excess == pytest.approx(2, rel=1e-9)
 
 
 def test_targets_are_met_by_least_squares(scene):
