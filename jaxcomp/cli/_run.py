@@ -8,7 +8,6 @@ from typing import Any
 import jaxcomp as jc
 
 from . import _options as opt
-from ._curves import curves
 from ._output import Output, header, print_tables
 from ._run_tables import run_tables, undelivered_tables
 from ._start import refuse, waiting
@@ -59,9 +58,15 @@ def run(
         lambda whole: run_tables(scene, whole),
         lambda: jc.plot.interface.steady_state_figures(found),
         scene,
-        {"curves": lambda: curves(found, step)},
+        {"curves": lambda: _curves(found, step)},
         beside={**header(scene), "tolerance": method.tolerance, **case.changes},
     )
+
+
+def _curves(found: jc.study.SteadyState, step: float | None) -> dict[str, Any]:
+    from ._curves import curves  # imports JAX, which help and completion do without
+
+    return curves(found, step)
 
 
 def _solved(
