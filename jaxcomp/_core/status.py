@@ -1,6 +1,9 @@
 """How a solution ended, in words; carried through `jit` and `vmap` as one integer per sample."""
 
+from collections.abc import Callable
+
 import equinox as eqx
+import jax
 import numpy as np
 from jaxtyping import Int
 
@@ -13,7 +16,7 @@ class Status(eqx.Enumeration):
     converged = "converged"
     not_converged = (
         "the iteration did not reach its tolerance; allow more iterations or a looser tolerance (of "
-        "`run`: --tolerance; of a cycle with valves: --cycle panels=96)"
+        "`run`: --tolerance; of a cycle with valves: --cycle method=march)"
     )
     bad_input = "a value lies outside its bound or a rule between values is broken"
     self_locking = (
@@ -35,11 +38,12 @@ class Status(eqx.Enumeration):
         "more inertia or speed where the crank all but halts"
     )
     too_many_events = (
-        "the valves make more events in a revolution than there are panels; take more panels (--cycle "
-        "panels=192), or a restitution of zero"
+        "the valves make more events in a revolution than there are panels or steps for; take the march "
+        "(--cycle method=march), heavier plates, softer springs or more damping"
     )
     no_delivery = (
-        "the pressure in the cylinder does not open the discharge valve: nothing is delivered"
+        "nothing is delivered: either the pressure in the cylinder does not open the discharge valve, or "
+        "as much comes back through it as leaves (springs too soft or plates too heavy to shut in time)"
     )
     wet = "the gas is below its dew point: wet compression is not modelled"
     no_periodic_state = (
@@ -111,3 +115,25 @@ class SolveFailed(RuntimeError):
         single = single_precision()
         # it is the likelier cause, and stands in front of what a status advises
         super().__init__(f"{single}; {meaning}." if single else f"{meaning}.")
+
+
+def raise_at_run_time(status, failed, told: Callable[..., str], *numbers) -> None:
+    """Let a traced program end with an error where a solution has failed.
+
+    Nothing of the result passes through the check, so that what nobody asks for is not computed for it.
+
+    Args:
+        status: the outcome, a `Status`.
+        failed: whether it is none to go on with; traced, and in a batch for each.
+        told: what else is known, in words, of the numbers.
+        numbers: traced.
+    """
+
+    def check(value, failed, *numbers):
+        if not failed:
+            return
+        worst = np.asarray(np.max(value), np.int32)
+        outcome = eqx.tree_at(lambda s: s._value, Status.converged, worst)
+        raise SolveFailed(outcome, told(*numbers))
+
+    jax.debug.callback(check, status._value, failed, *numbers)

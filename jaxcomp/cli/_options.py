@@ -107,7 +107,7 @@ def analysis_options(
     scene: jc.scene.Scene,
     accuracy: Accuracy,
     solver: str = "collocation",
-    cycle: str | None = None,
+    cycle: list[str] | None = None,
     excitation: Excitation | None = None,
 ) -> jc.AnalysisOptions:
     """How the designs of a study are solved; of the finest accuracy each design chooses its solver."""
@@ -157,34 +157,46 @@ def chosen_solver(text: str, scene: jc.scene.Scene) -> Any:
     return solver_of(text, scene.as_compressor())
 
 
-def with_cycle(method: Any, text: str | None) -> Any:
+def with_cycle(method: Any, texts: list[str] | None) -> Any:
     """A solver of the crank with the options of the cycle that `--cycle` gives."""
-    return method if text is None else replace(method, cycle=cycle_of(method.cycle, text))
+    if not texts:
+        return method
+    return replace(method, cycle=cycle_of(method.cycle, texts))
 
 
-def cycle_of(cycle: jc.cylinder.CycleOptions, text: str) -> jc.cylinder.CycleOptions:
-    """Options of the cycle, changed by `NAME=VALUE,NAME=VALUE`."""
-    own = {one.name: getattr(cycle, one.name) for one in fields(cycle)}
-    given = {}
-    for pair in text.split(","):
-        name, _, value = (part.strip() for part in pair.partition("="))
-        bound, most = (
-            f"must be NAME=VALUE with one of {', '.join(own)}",
-            _MOST_OF_CYCLE.get(name, 10**5),
-        )
-        refuse(name not in own, f"--cycle {pair}: {bound}")
-        kind = type(own[name])
+# Entries of `CycleOptions` that solvers set.
+_NOT_OF_USERS = ("size", "cylinders")
+
+
+def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.CycleOptions:
+    """Options of the cycle, changed by any number of `NAME=VALUE,NAME=VALUE`."""
+    defaults = {one.name: getattr(cycle, one.name) for one in fields(cycle)}
+    for name in _NOT_OF_USERS:
+        del defaults[name]
+    given: dict[str, Any] = {}
+    for pair in ",".join(texts).split(","):
+        name, _, text = (part.strip() for part in pair.partition("="))
+        names = f"must be NAME=VALUE with one of {', '.join(defaults)}"
+        refuse(name not in defaults, f"--cycle {pair}: {names}")
+        refuse(name in given, f"--cycle {pair}: {name} is set twice")
+        # a number that follows from the machine is a count
+        kind = int if defaults[name] is None else type(defaults[name])
         try:
-            given[name] = kind(value)
+            value = kind(text)
         except ValueError:
-            raise CommandError(f"--cycle {pair}: {bound}") from None
+            raise CommandError(f"--cycle {pair}: {names}") from None
         if kind is int:
-            bound, good = f"must be a whole number from 2 to {most}", 2 <= given[name] <= most
+            most = _MOST_OF_CYCLE.get(name, 10**6)
+            bound = f"must be a whole number from 2 to {most}"
+            good = 2 <= value <= most
         elif kind is float:
-            bound, good = "must be > 0 and < 1", 0 < given[name] < 1
+            bound = "must be > 0 and < 1"
+            good = 0 < value < 1
         else:
-            bound, good = "must be collocation or march", value in ("collocation", "march")
+            bound = "must be collocation or march"
+            good = value in ("collocation", "march")
         refuse(not good, f"--cycle {pair}: {bound}")
+        given[name] = value
     return replace(cycle, **given)
 
 
@@ -213,12 +225,13 @@ Solver = Annotated[
     ),
 ]
 CycleOption = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--cycle",
         metavar="NAME=VALUE,...",
-        help="How the cycle of a machine with valves is solved: panels, nodes, tolerance, method "
-        "(collocation or march) and the other entries of jaxcomp.cylinder.CycleOptions.",
+        help="How the cycle of a machine with valves is solved: nodes, tolerance, method (collocation "
+        "or march) and the other entries of jaxcomp.cylinder.CycleOptions. Panels and steps follow from "
+        "the machine if they are not given. Repeatable.",
     ),
 ]
 Sets = Annotated[

@@ -48,7 +48,7 @@ _COINCIDING = 0.02
 
 def default_cycle() -> CycleOptions:
     """How the cycle is solved together with the crank: its panels are those of the crank as well."""
-    return CycleOptions(panels=40, nodes=8)
+    return CycleOptions(least_panels=40, nodes=8)
 
 
 class Collocation(eqx.Module):

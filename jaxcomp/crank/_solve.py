@@ -18,7 +18,7 @@ the transfer is as exact as the two solutions.
 """
 
 import dataclasses
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import equinox as eqx
 import jax
@@ -37,9 +37,14 @@ from ..cylinder.interface import (
     CycleSolution,
     Pace,
     SeveralCycles,
+    climb,
+    evidence,
     follow_cycles,
+    is_solved,
     no_solution,
+    of_each,
     pace_of,
+    raise_where_unsolved,
     solution_of,
     solve_cycles,
     unsolved,
@@ -92,8 +97,9 @@ def solve_orbit(
             `diffrax.Dopri8` at 1e-12; for a stiff motor or a narrow transition of friction give
             `TimeIntegration(diffrax.Kvaerno5())`. Of a cylinder the pressure that was found is taken
             as given.
-        throw: raise if no periodic state was found. Within `jit`, `vmap` or `grad` nothing is
-            raised; look at `status` there.
+        throw: raise if no periodic state was found. Within `jit` and `vmap` a machine with valves whose
+            cycle was not found raises when the program runs, any of a batch; other machines do not
+            raise there. `throw=False` leaves it to `status`.
 
     Returns:
         The orbit with its energy account and its evidence. A design that is out of bounds, that
@@ -112,25 +118,14 @@ def solve_orbit(
     compressor = compressor_of(machine)
     if solver is None:
         solver = default_collocation(compressor)
-    # within a program that is traced anyway, a program of its own would be traced twice for derivatives
-    traced = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
-    orbit = (_solved if traced else _solve)(compressor, solver)
-    while not traced and (finer := with_more_panels(solver, orbit)):
-        solver = finer
-        orbit = _solve(compressor, solver)
-    if throw and not is_traced(orbit.status._value):
-        failed = orbit.status != Status.converged
-        if bool(jnp.any(failed)):
-            worst = orbit.weakest_cylinder
-            where = "" if worst is None else f" in cylinder {int(worst)}"
-            raise SolveFailed(
-                orbit.status,
-                f"residual {float(orbit.residual):.2g} after {int(orbit.iterations)} iterations, "
-                f"joint margin {float(orbit.margin):.3g}{where}, energy open by "
-                f"{float(orbit.energy.residual):.2g}, losses known to "
-                f"{float(orbit.efficiency_error):.2g} of the work",
-                orbit,
-            )
+    values = frozen(compressor)
+    if any(is_traced(leaf) for leaf in jax.tree.leaves(values)):
+        # within a program that is traced anyway, one of its own would be traced twice for derivatives
+        orbit = _solved(compressor, solver)
+        if throw and orbit.cycle is not None:
+            raise_where_unsolved(orbit.cycle, solver.cycle)
+    else:
+        orbit = _orbit_outside(compressor, values, solver, throw)
     if verify is False:
         return orbit
     from ._verify import march_options
@@ -152,18 +147,64 @@ def solve_orbit(
     return orbit
 
 
-def with_more_panels(solver: Any, orbit: Orbit) -> Any:
-    """The solver with twice the panels of the cycle, if those of an orbit may be too few; else `None`."""
-    cycle = orbit.cycle
-    if cycle is None or not cycle.case.cylinder.inert:
-        return None
-    more = solver.cycle.refined(cycle.status)
-    return None if more is None else dataclasses.replace(solver, cycle=more)
+def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bool) -> Orbit:
+    """The orbit outside of traced programs, in the size of the cycle that the machine needs.
+
+    Args:
+        compressor: perhaps with derivatives.
+        values: without.
+        solver: of the orbit.
+        throw: raise if no periodic state was found.
+    """
+    with_derivatives = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
+    if not isinstance(compressor.gas, Cylinder):
+        orbit = (_solved if with_derivatives else _solve)(compressor, solver)
+        if throw:
+            _raise_if_failed(orbit, solver)
+        return orbit
+
+    def solve(cycle_options, _):
+        return _solve(values, dataclasses.replace(solver, cycle=cycle_options))
+
+    orbit, cycle_options = climb(solve, solver.cycle, None, True)
+    solver = dataclasses.replace(solver, cycle=cycle_options)
+    if throw:
+        _raise_if_failed(orbit, solver)
+    if not with_derivatives:
+        return orbit
+    return _solved(compressor, solver, orbit)
 
 
-def _solved(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
+def _raise_if_failed(orbit: Orbit, solver) -> None:
+    """Raise with what is known of an orbit that was not found."""
+    # of a status that is traced, since its orbit has derivatives, the value
+    code = frozen(jnp.asarray(orbit.status._value, float)).astype(jnp.int32)
+    if is_traced(code):
+        return
+    status = eqx.tree_at(lambda s: s._value, Status.converged, code)
+    if not bool(jnp.any(status != Status.converged)):
+        return
+    if orbit.cycle is not None and not bool(of_each(orbit.cycle).converged.all()):
+        raise SolveFailed(status, evidence(orbit.cycle, solver.cycle), orbit)
+    seen = frozen(orbit)
+    worst = seen.weakest_cylinder
+    where = "" if worst is None else f" in cylinder {int(worst)}"
+    raise SolveFailed(
+        status,
+        f"residual {float(seen.residual):.2g} after {int(seen.iterations)} iterations, "
+        f"joint margin {float(seen.margin):.3g}{where}, energy open by "
+        f"{float(seen.energy.residual):.2g}, losses known to "
+        f"{float(seen.efficiency_error):.2g} of the work",
+        orbit,
+    )
+
+
+def _solved(
+    compressor: Compressor, solver: "Shooting | Collocation", found: Orbit | None = None
+) -> Orbit:
+    """The orbit of what may be out of bounds, which its status says; see `_orbit`."""
     good = admissible(compressor)
-    orbit = _orbit(clipped(compressor), solver)
+    orbit = _orbit(clipped(compressor), solver, found)
     status = orbit.status
     failed = (status == Status.unresolved) | (status == Status.not_converged)
     failed |= status == Status.stalled  # as losses beyond all bounds look
@@ -184,10 +225,19 @@ def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegratio
     return verification(orbit.under_gas(clipped(compressor)), orbit, options)
 
 
-def _orbit(compressor: Compressor, solver: "Shooting | Collocation") -> Orbit:
-    """The orbit with the checks that hold for every motor and solver."""
+def _orbit(
+    compressor: Compressor, solver: "Shooting | Collocation", found: Orbit | None = None
+) -> Orbit:
+    """The orbit with the checks that hold for every motor and solver.
+
+    Args:
+        compressor: admissible.
+        solver: of the orbit.
+        found: the orbit of a machine with valves, which is not searched for then.
+    """
     if isinstance(compressor.gas, Cylinder):
-        orbit = _with_cylinder(compressor, solver, isinstance(compressor.motor, ConstantSpeed))
+        even = isinstance(compressor.motor, ConstantSpeed)
+        orbit = _with_cylinder(compressor, solver, even, found)
     else:
         orbit = solver.solve(compressor)
     seen: Orbit = lax.stop_gradient(orbit)
@@ -222,32 +272,58 @@ def orbit_at_constant_speed(compressor: Compressor, solver: Collocation) -> Orbi
     return _with_cylinder(compressor, solver, True)
 
 
-def _with_cylinder(compressor: Compressor, solver, even: bool) -> Orbit:
+def _with_cylinder(compressor: Compressor, solver, even: bool, found: Orbit | None = None) -> Orbit:
     """The orbit of an admissible compressor whose gas is a `Cylinder`.
 
     Args:
         compressor: the machine.
         solver: of the crank's motion under a prescribed pressure.
         even: whether the gas sees the mean speed.
+        found: the orbit, where it is followed and not searched for.
     """
     assert isinstance(compressor.gas, Cylinder)
     warmed = law_of(compressor) is not None
     if warmed and not compressor.gas.inert:
         bound = "absent where a valve has no `port_length`; `suction.heating` is a constant rise"
         raise BadInput("gas.suction.warming", "given", bound)
-    if (even and not warmed) or not compressor.gas.inert:
+    marched = solver.cycle.method == "march" or not compressor.gas.inert
+    if (even and not warmed) or marched:
         # a marched cycle has no panels to start from: its speed is the mean one
-        cycle = _cycles(compressor, solver, compressor.motor.speed_guess)
+        speed = compressor.motor.speed_guess
+        if found is None or marched:
+            cycle = _cycles(compressor, solver, speed)
+        else:
+            cycle = _followed_cycles(compressor, speed, None, found.cycle)
         settled = jnp.asarray(True)
         orbit = _orbit_of(compressor, cycle, solver)
     else:
-        (cycle, orbit), motion, settled = _coupled(compressor, solver, even)
+        known = None if found is None else (found.cycle, _without_cycle(found))
+        (cycle, orbit), motion, settled = _coupled(compressor, solver, even, known)
         if motion.rise is not None:
             settled &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
+    if found is not None:
+        cycle = _with_status_of(cycle, found.cycle)
     status = Status.where(settled, orbit.status, Status.not_converged)
     status = Status.where(cycle.converged, status, cycle.status)
     orbit = eqx.tree_at(lambda o: o.status, orbit, status)
     return _with_cycle(orbit, cycle)
+
+
+def _without_cycle(orbit: Orbit) -> Orbit:
+    return eqx.tree_at(lambda o: (o.cycle, o.verification), orbit, (None, None), is_leaf=_is_none)
+
+
+def _is_none(leaf) -> bool:
+    return leaf is None
+
+
+def _with_status_of(cycle: Cycle | SeveralCycles, found: Cycle | SeveralCycles):
+    """A cycle that was followed, which ended as the one that was found."""
+    return eqx.tree_at(lambda c: of_each(c).status, cycle, of_each(found).status)
+
+
+def _followed_cycles(compressor: Compressor, speed, pace, found: Cycle | SeveralCycles):
+    return follow_cycles(compressor.gas, *_cylinders(compressor), speed, pace, frozen(found))
 
 
 def _with_cycle(orbit: Orbit, cycle: Cycle | SeveralCycles) -> Orbit:
@@ -265,12 +341,20 @@ class _Motion(NamedTuple):
 
 
 @eqx.filter_custom_jvp
-def _coupled(compressor: Compressor, solver, even: bool):
+def _coupled(compressor: Compressor, solver, even: bool, known: tuple | None):
     """Cycle and orbit that agree, the motion they have, and whether the iteration converged.
 
-    The unknowns are those of `_Motion`; `even` leaves out how the crank's speed fluctuates.
+    The unknowns are those of `_Motion`.
+
+    Args:
+        compressor: the machine.
+        solver: of the crank's motion.
+        even: leaves out how the crank's speed fluctuates.
+        known: cycle and orbit, where they have been found.
     """
     compressor = frozen(compressor)
+    if known is not None:
+        return known, _motion_of(compressor, known, even), jnp.asarray(True)
     # nothing is known of a cycle and an orbit before the first iteration
     nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
     phase = compressor.crankshaft.distinct_phase
@@ -284,6 +368,9 @@ def _coupled(compressor: Compressor, solver, even: bool):
     def step(motion, last):
         (cycle, _), before = last
         new, found = _iteration(compressor, solver, motion, solution_of(cycle))
+        # without a cycle there is nothing to go on with: the iteration ends, and its status is that one
+        solved = is_solved(of_each(found[0]))
+        new = jax.tree.map(lambda after, before: jnp.where(solved, after, before), new, motion)
         now = motion.rise, new.rise
         if rise is not None:
             new = new._replace(rise=secant(before, now))
@@ -292,6 +379,16 @@ def _coupled(compressor: Compressor, solver, even: bool):
     beside = beside, (still.rise, still.rise)
     motion, (found, _), report = settle(step, still, beside, _TOLERANCE, _MAX_ITERATIONS)
     return found, motion, report.settled
+
+
+def _motion_of(compressor: Compressor, known: tuple, even: bool) -> _Motion:
+    """The motion of cycle and orbit that have been found."""
+    cycle, orbit = known
+    rise = rise_after(compressor, _with_cycle(orbit, cycle), first_rise(compressor))
+    level, pace = jnp.zeros(()), None
+    if not even:
+        level, pace = _motion(compressor, cycle, orbit)
+    return _Motion(level, pace, None if rise is None else rise / _KELVINS)
 
 
 @eqx.filter_jit  # traced once, for its shapes and for all that is solved
@@ -322,14 +419,14 @@ def _iterated(compressor: Compressor, solver, motion: _Motion, cycle_of):
 
 @_coupled.def_jvp
 def _coupled_jvp(primals, tangents):
-    compressor, solver, even = primals
-    out = _coupled(compressor, solver, even)
+    compressor, solver, even, known = primals
+    out = _coupled(compressor, solver, even, known)
     (cycle, _), motion, _ = out
     numbers, rest = eqx.partition(compressor, eqx.is_inexact_array)
 
     def iteration(numbers, motion):
         def cycle_of(here, speed):
-            return follow_cycles(here.gas, *_cylinders(here), speed, motion.pace, frozen(cycle))
+            return _followed_cycles(here, speed, motion.pace, cycle)
 
         made = _iterated(eqx.combine(numbers, rest), solver, motion, cycle_of)
         return eqx.filter(made, eqx.is_inexact_array)

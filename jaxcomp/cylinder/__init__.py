@@ -5,8 +5,8 @@ from ._cycle import Cycle as Cycle
 from ._cylinder import Cylinder as Cylinder
 from ._lines import DischargeLine as DischargeLine
 from ._lines import SuctionLine as SuctionLine
+from ._options import CycleOptions as CycleOptions
 from ._plenum import Plenum as Plenum
-from ._solve import CycleOptions as CycleOptions
 from ._solve import solve_cycle as solve_cycle
 from .heat._base import AbstractHeat as AbstractHeat
 from .heat.adair import Adair as Adair

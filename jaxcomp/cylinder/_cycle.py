@@ -94,6 +94,7 @@ class Cycle(Result, eqx.Module):
         raw: panels of the collocation, from which a similar machine may start.
         plenum_pressure: [Pa] (p, n) in the plenums before the suction valve, then behind the discharge
             valve; `None` without any.
+        event_count: of all valves that were solved together, in the last revolution that was marched.
     """
 
     angle: Float[Array, " n"]
@@ -118,6 +119,7 @@ class Cycle(Result, eqx.Module):
     solver: str = eqx.field(static=True)
     raw: Any = None
     plenum_pressure: Float[Array, "p n"] | None = None
+    event_count: Int[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 

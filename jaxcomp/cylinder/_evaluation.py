@@ -23,17 +23,18 @@ from ._system import Cylinders
 
 
 class CycleSolution(NamedTuple):
-    """What march and Newton's method found: panels, their start, totals of the march, and counts."""
+    """What march and Newton's method found."""
 
     mesh: Mesh
     z: Unknowns
-    marched: Unknowns
-    totals: Float[Array, "k 12"]
+    marched: Unknowns  # with which Newton's method began
+    totals: Float[Array, "k 12"]  # of the march
     solved: Bool[Array, ""]
     residual: Float[Array, ""]
-    steps: Int[Array, ""]
+    steps: Int[Array, ""]  # of Newton's method
     revolutions: Int[Array, ""]
     passes: Int[Array, ""]
+    events: Int[Array, ""]  # of the last revolution that was marched
 
 
 def cycle_of(system: Cylinders, found, marching: bool) -> Cycle:
@@ -158,6 +159,7 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
         solver="march" if marching else "collocation",
         raw=(mesh, z, pressure),
         plenum_pressure=_plenum_pressures(case, z.points),
+        event_count=found.events,
     )
 
 

@@ -35,6 +35,10 @@ _E = _A[6] - np.array(
 
 _CROSSED = -1e-12  # [-] event function below which an event has happened
 _LOCATED = 1e-2  # [-] of the tolerance of a step: event function within which it is located
+# [-] The same at most. A plate that bounces with little speed flies 1e-6 of its stop high and less: with
+# events located within 3e-7, touch and leaving were one place, and the bounces did not end in 200,000
+# steps on 28 of 100 scattered machines. On the others the tries of steps rise by 4 %.
+_LOCATED_AT_MOST = 1e-9
 _NARROW = 1e-14  # [rad] bracket beyond which rounding rules
 
 
@@ -103,8 +107,8 @@ class Stretch(NamedTuple):
     flags: Int[Array, " f"]  # there
     steps: Int[Array, ""]  # taken
     passes: Int[Array, ""]  # tried, those that were rejected or located an event included
-    # whether the end was reached, or the march was over before, and all steps were kept
-    whole: Bool[Array, ""]
+    ended: Bool[Array, ""]  # whether the end was reached, or the march was over before
+    whole: Bool[Array, ""]  # whether all steps were kept as well
     record: Record  # the steps
 
 
@@ -131,7 +135,7 @@ def stretch(
         capacity: steps that are kept.
         knots: [rad] angles at which a step ends.
     """
-    at_event = jnp.maximum(_LOCATED * tolerance, 1e-11)
+    at_event = jnp.clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
     route = _Route(law, stop, tolerance, at_event, capacity, knots)
 
     def going_on(carry: _Carry):
@@ -141,9 +145,17 @@ def stretch(
 
     begin = _beginning(route, start, state, flags)
     end = lax.while_loop(going_on, partial(_advance, route), begin)
-    whole = ~going_on(end._replace(passes=begin.passes)) & (end.steps <= capacity)
-    record = jax.tree.map(lambda rows: rows[:capacity], end.record)
-    return Stretch(end.angle, end.state, end.flags, end.steps, end.passes, whole, record)
+    ended = ~going_on(end._replace(passes=begin.passes))
+    return Stretch(
+        angle=end.angle,
+        state=end.state,
+        flags=end.flags,
+        steps=end.steps,
+        passes=end.passes,
+        ended=ended,
+        whole=ended & (end.steps <= capacity),
+        record=jax.tree.map(lambda rows: rows[:capacity], end.record),
+    )
 
 
 class _Route(NamedTuple):

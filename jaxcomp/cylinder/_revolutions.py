@@ -25,7 +25,8 @@ class March(NamedTuple):
     state: Float[Array, " n"]  # at the end of the last of them
     flags: Int[Array, " f"]  # there
     totals: Float[Array, "k 12"]  # integrals of the accounts over it
-    whole: Bool[Array, ""]  # whether its end was reached
+    ended: Bool[Array, ""]  # whether its end was reached
+    whole: Bool[Array, ""]  # whether all of its steps are in the record as well
     record: Record  # its steps
     change: Float[Array, ""]  # [-] largest difference between its end and its beginning
     revolutions: Int[Array, ""]  # how many
@@ -43,7 +44,7 @@ def march(
 
     Args:
         system: the cylinders.
-        options: `CycleOptions`; how many tries of steps are made and steps kept.
+        options: `CycleOptions`, for how many tries of steps are made and steps kept.
         tolerance: [-] error of a step, in units of the scales.
         repeat: [-] change of a revolution at which to stop.
         state, flags: at the beginning.
@@ -57,7 +58,7 @@ def march(
         system, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
         count = jnp.where(wanted, max_revolutions, 0)
         turn = partial(_revolve, system, options, tolerance)
-        return _repeated(system, turn, repeat, state, flags, count, options.capacity)
+        return _repeated(system, turn, repeat, state, flags, count, options.kept_steps)
 
     return one(arrays)
 
@@ -94,8 +95,16 @@ def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
     """March through one revolution from `START`."""
     law = _Revolution(system, state.size)
     begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS * system.count)])
-    span, most = (jnp.asarray(START), START + TURN), (options.max_passes, options.capacity)
-    end = stretch(law, *span, begin, flags, tolerance, *most)
+    end = stretch(
+        law,
+        jnp.asarray(START),
+        START + TURN,
+        begin,
+        flags,
+        tolerance,
+        options.passes_of_revolution,
+        options.kept_steps,
+    )
     own = system.next_revolution(end.state[: law.kept])
     return end._replace(state=end.state.at[: law.kept].set(own))
 
@@ -108,7 +117,7 @@ def _repeated(
     def going_on(carry):
         *_, found = carry
         moving = found.change > repeat
-        return moving & (found.revolutions < max_revolutions) & found.whole
+        return moving & (found.revolutions < max_revolutions) & found.ended
 
     def advance(carry):
         state, last_change, found = carry
@@ -124,10 +133,31 @@ def _repeated(
         next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
         size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
         revolutions = found.revolutions + 1
-        made = March(end, new.flags, sums, new.whole, new.record, size, revolutions, passes)
+        made = March(
+            state=end,
+            flags=new.flags,
+            totals=sums,
+            ended=new.ended,
+            whole=new.whole,
+            record=new.record,
+            change=size,
+            revolutions=revolutions,
+            passes=passes,
+        )
         return next_state, change, made
 
     record = empty_record(capacity, state.size, flags.size)
-    true, none = jnp.asarray(True), jnp.zeros((), int)
-    begin = March(state, flags, totals, true, record, jnp.asarray(jnp.inf), none, none)
+    true = jnp.asarray(True)
+    none = jnp.zeros((), int)
+    begin = March(
+        state=state,
+        flags=flags,
+        totals=totals,
+        ended=true,
+        whole=true,
+        record=record,
+        change=jnp.asarray(jnp.inf),
+        revolutions=none,
+        passes=none,
+    )
     return lax.while_loop(going_on, advance, (state, jnp.zeros(state.size), begin))[-1]

@@ -1,93 +1,34 @@
 """`solve_cycle`: the periodic cycle at a given motion of the crank."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._core.each import stacked
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
-from .._core.status import SolveFailed, Status
+from .._core.roots import frozen
+from .._core.status import SolveFailed, Status, raise_at_run_time
 from ..mechanism import AbstractMechanism
 from ._balance import FLAGS, STATES, Accounts
 from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
 from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
-from ._panels import Mesh, Unknowns, lay_mesh
+from ._march import Record
+from ._options import COARSE, CycleOptions
+from ._panels import Mesh, Unknowns, lay_mesh, resolution
 from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, march
 from ._several import SeveralCycles
 from ._system import Cylinders
 from .wall_network import OF_WALL
-
-
-class CycleOptions(eqx.Module):
-    """Options of the solver of the cycle.
-
-    Attributes:
-        method: "collocation" marches until the sequence of events stands and then solves for the
-            whole revolution by Newton's method; "march" goes on marching. With quasi-steady ports
-            the march is all there is, and derivatives are refused.
-        nodes: Gauss nodes on every panel.
-        panels: into which the revolution is cut; one more than events are needed at least. Of 1,000
-            scattered designs of one machine 922 converge with 48 panels; of the others 12 have
-            more events and 66 too few panels between them. All 78 converge with 96, which are taken
-            where these fail, except within a program that is traced.
-        tolerance: [-] last step of Newton's method.
-        march_tolerance: [-] error of a step of the march before the collocation; a tenth of it in every
-            further round.
-        value_tolerance: [-] the same where the march gives the values.
-        max_newton: steps.
-        max_revolutions: marched at a stretch.
-        max_rounds: of march and Newton's method.
-        max_passes: tries of steps in a revolution.
-        capacity: steps of a revolution that are kept.
-    """
-
-    method: Literal["collocation", "march"] = eqx.field(static=True, default="collocation")
-    nodes: int = eqx.field(static=True, default=6)
-    panels: int = eqx.field(static=True, default=48)
-    tolerance: float | Float[Array, ""] = 1e-11
-    march_tolerance: float | Float[Array, ""] = 3e-5
-    value_tolerance: float | Float[Array, ""] = 1e-8
-    max_newton: int = eqx.field(static=True, default=8)
-    max_revolutions: int = eqx.field(static=True, default=30)
-    max_rounds: int = eqx.field(static=True, default=4)
-    max_passes: int = eqx.field(static=True, default=4000)
-    capacity: int = eqx.field(static=True, default=768)
-
-    def refined(self, status: Status) -> "CycleOptions | None":
-        """The options with twice the panels, if a status (of any of a batch) may ask for them."""
-        full = self.method == "march" or 2 * self.panels > _MOST_PANELS
-        if full or not bool(jnp.any(may_lack_panels(status))):
-            return None
-        return dataclasses.replace(self, panels=2 * self.panels)
-
-    def of_several(self, count: int) -> "CycleOptions":
-        """The options where cylinders are solved together: panels and steps are those of each."""
-        return dataclasses.replace(
-            self,
-            panels=count * self.panels,
-            max_passes=count * self.max_passes,
-            capacity=count * self.capacity,
-        )
-
-
-def may_lack_panels(status: Status) -> Bool[Array, ""]:
-    """Whether a cycle that ended so may be found on more panels."""
-    return (status == Status.too_many_events) | (status == Status.not_converged)
-
-
-# Panels up to which those that are too few are doubled.
-_MOST_PANELS = 128
 
 
 def solve_cycle(
@@ -102,6 +43,10 @@ def solve_cycle(
 ) -> Cycle:
     """Find the periodic cycle.
 
+    The panels and steps that the machine needs are found by the way, and where Newton's method does not
+    hold in the largest size, the march stands. Derivatives outside of `jit` are taken at the cycle that
+    was so found. Within `jit` a program has one size: that of the options.
+
     Args:
         cylinder: gas, valves and lines.
         mechanism: the piston's motion.
@@ -110,8 +55,8 @@ def solve_cycle(
         pace: how unevenly the revolution passes; constant speed if absent.
         start: a cycle of a similar machine by collocation with as many panels and nodes. Nothing is
             marched where this one has the same events.
-        throw: raise if the cycle was not found. Within `jit`, `vmap` or `grad` nothing is raised;
-            look at `status` there.
+        throw: raise if the cycle was not found: within `jit` and `vmap` when the program runs and for
+            any of a batch, for which `throw=False` leaves it to `status`.
 
     Returns:
         The cycle. A machine that delivers nothing or whose gas condenses has finite numbers and a
@@ -122,15 +67,94 @@ def solve_cycle(
     """
     options = options or CycleOptions()
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
-    cylinder, mechanism = jax.tree.map(strongly_typed, (cylinder, mechanism))
-    cycle = _solved_if_admissible(cylinder, mechanism, speed, options, pace, start)
-    shown = not is_traced(cycle.status._value)
-    while shown and pace is None and cylinder.inert and (more := options.refined(cycle.status)):
-        options = more
-        cycle = _solved_if_admissible(cylinder, mechanism, speed, options, None, None)
-    if shown and throw and bool(jnp.any(cycle.status != Status.converged)):
-        raise SolveFailed(cycle.status, f"residual {float(jnp.max(cycle.residual)):.2g}")
-    return cycle
+    machine = jax.tree.map(strongly_typed, (cylinder, mechanism, speed))
+    values = frozen(machine)
+    if any(is_traced(leaf) for leaf in jax.tree.leaves((values, pace, start))):
+        cycle = _solved_if_admissible(*machine, options, pace, start)
+        if throw:
+            raise_where_unsolved(cycle, options)
+        return cycle
+
+    def solve(options, start):
+        return _solved_if_admissible(*values, options, pace, start)
+
+    # a pace is known on panels of its own, which are edges for the cycle
+    may_climb = pace is None
+    cycle, options = climb(solve, options, start, may_climb)
+    if throw and bool(jnp.any(cycle.status != Status.converged)):
+        raise SolveFailed(cycle.status, evidence(cycle, options))
+    if not any(is_traced(leaf) for leaf in jax.tree.leaves(machine)):
+        return cycle
+    if cycle.solver == "march":
+        return _solved_if_admissible(*machine, options, pace, None)  # refuses by name
+    return _followed(*machine, pace, cycle)
+
+
+def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
+    """What a machine's cycle is in the size that has room for it, and the options of that size.
+
+    Args:
+        solve: of options and a start; what it returns has a `status` and an `event_count`, or a `cycle`
+            which has them.
+        options: with which to begin.
+        start: of the first size.
+        may_climb: whether larger sizes may be tried, and the march where none has room.
+    """
+    found = solve(options, start)
+    if not may_climb:
+        return found, options
+
+    def of_cycle(found):
+        return of_each(getattr(found, "cycle", found))
+
+    def next_size():
+        cycle = of_cycle(found)
+        return options.next_size(cycle.status, cycle.event_count)
+
+    while larger := next_size():
+        options = larger
+        found = solve(options, None)
+    by_march = options.by_march()
+    if by_march is None or bool(is_solved(of_cycle(found))) or not options.may_march:
+        return found, options
+    marched = solve(by_march, None)
+    if bool(is_solved(of_cycle(marched))):
+        return marched, by_march
+    return found, options
+
+
+def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
+    """How far a solution came that was not found, for the message."""
+    each = of_each(cycle)
+    return _evidence(options, each.event_count, each.revolutions, each.residual)
+
+
+def _evidence(options: CycleOptions, events, revolutions, residual) -> str:
+    return (
+        f"{int(np.max(events))} events of the valves in a revolution on {options.panel_count} panels, "
+        f"{int(np.max(revolutions))} revolutions marched, last change of the cycle "
+        f"{float(np.max(residual)):.2g}"
+    )
+
+
+def _evidence_in_program(options: CycleOptions, events, revolutions, residual) -> str:
+    told = _evidence(options, events, revolutions, residual)
+    larger = options.next_size(Status.too_many_events, events)
+    if larger is not None:
+        told += (
+            "; a compiled program has one size: solve and differentiate outside of `jit`, where the size "
+            f"follows from the machine, or give CycleOptions(least_panels={larger.panel_count}, "
+            f"capacity={larger.kept_steps}, max_passes={larger.passes_of_revolution})"
+        )
+    return f"{told}; `throw=False` leaves it to `status`"
+
+
+def raise_where_unsolved(cycle: Cycle | SeveralCycles, options: CycleOptions) -> None:
+    """Let a traced program end with an error where its cycle was not found."""
+    each = of_each(cycle)
+    told = partial(_evidence_in_program, options)
+    numbers = each.event_count, each.revolutions, each.residual
+    raise_at_run_time(each.status, ~is_solved(each), told, *numbers)
 
 
 def solve_cycles(
@@ -225,6 +249,14 @@ def pace_of(
 
 
 @eqx.filter_jit
+def _followed(cylinder, mechanism, speed, pace, found: Cycle) -> Cycle:
+    """A cycle that was found, with its dependence on the machine and its status."""
+    machine = clipped(cylinder), (clipped(mechanism),)
+    cycle = follow_cycles(*machine, jnp.zeros(1), speed, pace, found)
+    return eqx.tree_at(lambda c: c.status, cycle, found.status)
+
+
+@eqx.filter_jit
 def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     """The cycle of what may be out of bounds, which its status says."""
     good = admissible(cylinder) & admissible(mechanism) & (speed > 0)
@@ -284,22 +316,44 @@ def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     return jnp.all(jnp.stack([cycle.status != one for one in failed]))
 
 
+def _count_events(record: Record):
+    """Events in the revolution of a record."""
+    return jnp.sum(jnp.isfinite(record.angle) & (record.event >= 0))
+
+
+def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
+    """Panels after a march, whether they have room for it among them, and the number of events."""
+    mesh, z = lay_mesh(end.record, options.panel_count, options.nodes)
+    events = _count_events(end.record)
+    steps = jnp.where(end.whole, 0, options.kept_steps + 1)
+    return mesh._replace(fits=mesh.fits & options.has_room(events, steps)), z, events
+
+
 def _march_only(system: Cylinders, options: CycleOptions) -> CycleSolution:
     tolerance = jnp.asarray(options.value_tolerance)
-    begin, wanted = system.initial(START), jnp.asarray(True)
     repeat = 10 * tolerance
-    end = march(system, options, tolerance, repeat, *begin, wanted, options.max_revolutions)
-    solved = (end.change <= repeat) & end.whole
-    mesh, z = lay_mesh(end.record, options.panels, options.nodes)
-    counts = jnp.zeros((), int), end.revolutions, end.passes
-    return CycleSolution(mesh, z, z, end.totals, solved, end.change, *counts)
-
-
-def _after_newton(system, options: CycleOptions, mesh, z, totals, counts) -> CycleSolution:
-    new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
-    solved = mesh.fits & (report.size < 1e-7) & report.holds
-    counts = tuple(jnp.asarray(count) for count in counts)
-    return CycleSolution(mesh, new, z, totals, solved, report.size, report.steps, *counts)
+    end = march(
+        system,
+        options,
+        tolerance,
+        repeat,
+        *system.initial(START),
+        jnp.asarray(True),
+        options.revolutions_at_most,
+    )
+    mesh, z, events = _laid(end, options)
+    return CycleSolution(
+        mesh=mesh,
+        z=z,
+        marched=z,
+        totals=end.totals,
+        solved=(end.change <= repeat) & end.ended & mesh.fits,
+        residual=end.change,
+        steps=jnp.zeros((), int),
+        revolutions=end.revolutions,
+        passes=end.passes,
+        events=events,
+    )
 
 
 def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSolution:
@@ -317,8 +371,18 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
         return together._replace(marched=together.z, solved=is_solved(cycle.each))
     mesh, z, _ = cycle.raw
     totals = (jnp.stack(cycle.totals) / account_scales(cycle.case))[None]
-    counts = cycle.iterations, cycle.revolutions, cycle.passes
-    return CycleSolution(mesh, z, z, totals, is_solved(cycle), cycle.residual, *counts)
+    return CycleSolution(
+        mesh=mesh,
+        z=z,
+        marched=z,
+        totals=totals,
+        solved=is_solved(cycle),
+        residual=cycle.residual,
+        steps=cycle.iterations,
+        revolutions=cycle.revolutions,
+        passes=cycle.passes,
+        events=cycle.event_count,
+    )
 
 
 def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | None) -> CycleSolution:
@@ -327,29 +391,42 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
     If there is a start, the first round takes its panels instead of a march.
     """
     given = jnp.asarray(False) if start is None else start.solved
+    # further revolutions cost more than another round
+    few = min(8, options.revolutions_at_most)
 
     def advance(carry):
         state, flags, last, rounds = carry
         ready = rounds < 0
         # where a branch was left, a coarser march has missed an event
         tolerance = options.march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
-        # further revolutions cost more than another round
-        few = min(8, options.max_revolutions)
         repeat = 100 * tolerance  # Newton's method closes the rest
         wanted = ~(last.solved | ready)
         end = march(system, options, tolerance, repeat, state, flags, wanted, few)
-        laid = *lay_mesh(end.record, options.panels, options.nodes), end.totals
+        laid = *_laid(end, options), end.totals
         if start is not None:
-            known = start.mesh, start.z, start.totals
+            known = start.mesh, start.z, start.events, start.totals
             laid = jax.tree.map(partial(jnp.where, ready), known, laid)
-        counts = last.revolutions + end.revolutions, last.passes + end.passes
-        found = _after_newton(system, options, *laid, counts)
-        mesh = found.mesh
-        least = jnp.min(found.z.left[:, system.columns(0, 1)])
-        sound = mesh.fits & (found.residual < 1e-7) & (least > 0.01)
-        state = jnp.where(sound, found.z.left[0], end.state)
-        flags = jnp.where(sound, mesh.flags[0], end.flags)
-        usable = end.whole & mesh.fits
+        mesh, z, events, totals = laid
+        new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
+        sound = mesh.fits & (report.size < 1e-7)
+        coarse = sound & report.holds & (resolution(new) > COARSE) & options.may_grow
+        found = CycleSolution(
+            mesh=mesh,
+            z=new,
+            marched=z,
+            totals=totals,
+            solved=sound & report.holds & ~coarse,
+            residual=report.size,
+            steps=report.steps,
+            revolutions=last.revolutions + end.revolutions,
+            passes=last.passes + end.passes,
+            events=events,
+        )
+        least = jnp.min(new.left[:, system.columns(0, 1)])
+        goes_on = sound & (least > 0.01)
+        state = jnp.where(goes_on, new.left[0], end.state)
+        flags = jnp.where(goes_on, mesh.flags[0], end.flags)
+        usable = end.ended & mesh.fits & ~coarse
         return state, flags, found, jnp.where(usable, rounds + 1, options.max_rounds)
 
     def going_on(carry):
@@ -374,10 +451,21 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
 
 
 def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
-    p, s, none = options.panels, options.nodes, jnp.zeros((), int)
+    p, s, none = options.panel_count, options.nodes, jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
     edges = START + TURN * jnp.linspace(0.0, 1.0, p + 1)
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
     totals, solved = jnp.zeros((count, len(Accounts._fields))), jnp.asarray(False)
-    return CycleSolution(mesh, z, z, totals, solved, jnp.zeros(()), none, none, none)
+    return CycleSolution(
+        mesh=mesh,
+        z=z,
+        marched=z,
+        totals=totals,
+        solved=solved,
+        residual=jnp.zeros(()),
+        steps=none,
+        revolutions=none,
+        passes=none,
+        events=none,
+    )

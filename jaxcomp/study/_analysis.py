@@ -26,7 +26,7 @@ from ..crank import (
     solve_orbit,
 )
 from ..crank.interface import time_harmonics
-from ..cylinder.interface import may_lack_panels
+from ..cylinder.interface import may_lack_room, of_each
 from ..friction.interface import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
@@ -142,10 +142,10 @@ class DesignResult:
 
     @property
     def short(self) -> Bool[Array, ""]:
-        """Whether the cycle may have too few panels for what its valves do."""
+        """Whether the cycle may be found in a larger size."""
         if "orbit" not in self.__dict__ or self.orbit.cycle is None:
             return jnp.asarray(False)
-        return may_lack_panels(self.orbit.cycle.status)
+        return jnp.any(may_lack_room(of_each(self.orbit.cycle).status))
 
     @cached_property
     def journals(self) -> dict[str, JournalFilm]:

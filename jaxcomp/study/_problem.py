@@ -58,7 +58,7 @@ class Answer(NamedTuple):
         values: [SI] (quantities,) in the order of the problem.
         ok: whether they can be relied on; if not they are finite where the solvers are, and mean
             nothing.
-        short: whether twice the panels of the cycle may help, see `with_more_panels`.
+        short: whether the cycle may be found in a larger size, see `in_next_size`.
         status: code of the `Status` that tells how it ended, or `UNNAMED`.
     """
 
@@ -261,28 +261,33 @@ class Solved(NamedTuple):
     slope: Float[Array, "n quantities variables"]
 
 
-def with_more_panels(problem: Problem) -> Problem | None:
-    """The problem with twice the panels of the cycle; `None` without valves, or where it has many.
+def in_next_size(problem: Problem, by_march: bool = False) -> Problem | None:
+    """The problem with its cycle in the next size; `None` without valves, or where there is none.
 
-    What a design of a study lacks that ended for want of panels.
+    What a design of a study lacks that ended for want of panels or steps.
+
+    Args:
+        problem: whose designs were solved in one size.
+        by_march: whether the march stands behind the largest size, which has no derivatives.
     """
     if not solves_gas(problem):
         return None
     compressor = assembled(problem.design).compressor
     assert compressor is not None
-    assert isinstance(compressor.gas, Cylinder)
     solver = problem.options.solver or default_collocation(compressor)
-    more = solver.cycle.refined(Status.too_many_events)
-    if more is None or not compressor.gas.inert:
+    options = solver.cycle.grown()
+    if options is None and by_march and solver.cycle.may_march:
+        options = solver.cycle.by_march()
+    if options is None:
         return None
-    finer = dataclasses.replace(solver, cycle=more)
-    return eqx.tree_at(lambda p: p.options.solver, problem, finer, is_leaf=lambda x: x is None)
+    larger = dataclasses.replace(solver, cycle=options)
+    return eqx.tree_at(lambda p: p.options.solver, problem, larger, is_leaf=lambda x: x is None)
 
 
 def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
     """Solve designs with their derivatives, in batches of one size and so by one program.
 
-    Those that lack panels of the cycle are solved again on twice as many.
+    Those that lack room for the cycle are solved again together in the next size.
     """
     rows, parts = np.asarray(points), []
     # what `of_each` takes in turns is not filled up
@@ -292,9 +297,9 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
         filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
         parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
     *found, short = (jnp.concatenate(column) for column in zip(*parts, strict=True))
-    finer = with_more_panels(problem) if np.any(short) else None
-    if finer is not None:
-        again = solved(finer, rows[short], batch)
+    larger = in_next_size(problem) if np.any(short) else None
+    if larger is not None:
+        again = solved(larger, rows[short], batch)
         found = [whole.at[short].set(part) for whole, part in zip(found, again, strict=True)]
     return Solved(*found)
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -26,6 +27,7 @@ from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, solve_orbit
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
+from ..cylinder.interface import may_lack_room, of_each
 from ..fluid import RealGas
 from ..motor import ConstantSpeed
 
@@ -33,7 +35,8 @@ if TYPE_CHECKING:
     from ..crank import Shooting
 
 ZERO = ZERO_CELSIUS
-# Of the cycle where 48 do not find all events: of two maps of light valves 1 and 3 of 12 points.
+# Of the cycle at a single point, whose program has one size: of two maps of light valves 48 were too few
+# for 1 and 3 of 12 points.
 _PANELS = 96
 
 # what users take; the rest is for the packages that are built on this module
@@ -221,15 +224,9 @@ def rating_map(
         at_rating(compressor, *ends, rating)
     shape = S.size, D.size
     points = jnp.repeat(S, D.size), jnp.tile(D, S.size)
-    found, ok = _along(compressor, rating, options, solver, *points)
-    if not np.all(ok) and options.panels < _PANELS:
-        finer = dc.replace(options, panels=_PANELS)
-        found, ok = _along(compressor, rating, finer, solver, *points)
-    ok = np.asarray(ok).reshape(shape)
-    values = {
-        name: np.where(ok, np.asarray(found[name]).reshape(shape), np.nan)
-        for name, *_ in QUANTITIES
-    }
+    found, ok = _in_all_sizes(compressor, rating, options, solver, *points)
+    ok = ok.reshape(shape)
+    values = {name: np.where(ok, found[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
     coefficients, errors = {}, {}
     terms = polynomial_terms(S[:, None], D[None, :])[ok]
     # ten points are not enough where one of the axes has fewer than four
@@ -320,7 +317,7 @@ def rated(
     rating = Rating(point.gas, None, point.liquid, None)
     here = replaced(compressor, motor=motor)
     here = at_rating(here, point.evaporating, point.condensing, rating)
-    values, ok = _at_point(here, quick, solver)
+    values, ok, _ = _at_point(here, quick, solver)
     gas = here.gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, RealGas)
@@ -328,6 +325,26 @@ def rated(
     capacity = values["mass_flow"] * worth
     values |= {"capacity": capacity, "cop": capacity / values["power"]}
     return jnp.stack([values[name] for name, *_ in QUANTITIES]), ok
+
+
+def _in_all_sizes(compressor: Compressor, rating: str, options, solver, evaporating, condensing):
+    """All points, those whose cycle did not fit once more together in the next size."""
+    found, ok, short = jax.tree.map(
+        np.array, _along(compressor, rating, options, solver, evaporating, condensing)
+    )
+    larger = options.grown() or (options.by_march() if options.may_march else None)
+    if larger is None or not short.any():
+        return found, ok
+    rows = np.flatnonzero(short)
+    # few sizes of a batch make few programs
+    padded = np.resize(rows, 1 << (len(rows) - 1).bit_length())
+    again, fine = _in_all_sizes(
+        compressor, rating, larger, solver, evaporating[padded], condensing[padded]
+    )
+    for name, values in found.items():
+        values[rows] = again[name][: len(rows)]
+    ok[rows] = fine[: len(rows)]
+    return found, ok
 
 
 @kept_jit
@@ -360,7 +377,7 @@ def solve_rated(
 
 
 def _at_point(here: Compressor, plain: Collocation, solver=None):
-    """Quantities at a point, and whether they hold."""
+    """Quantities at a point, whether they hold, and whether its cycle may be found in a larger size."""
     orbit = solve_rated(here, plain, solver)
     result, cycle = performance(here, orbit), orbit.cycle
     assert cycle is not None
@@ -372,4 +389,5 @@ def _at_point(here: Compressor, plain: Collocation, solver=None):
     own = (name for name, *_ in QUANTITIES if name not in values)
     values |= {name: getattr(cycle, name) for name in own}
     finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
-    return values, cycle.converged & orbit.converged & finite
+    short = jnp.any(may_lack_room(of_each(cycle).status))
+    return values, cycle.converged & orbit.converged & finite, short

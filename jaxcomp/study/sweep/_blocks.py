@@ -14,6 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache, partial
 from importlib.metadata import version
 from itertools import islice
 from queue import SimpleQueue
@@ -28,7 +29,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..._core.errors import BadInput
 from ..._core.status import Status
-from .._problem import of_each, solves_gas, with_more_panels
+from .._problem import in_next_size, of_each, solves_gas
 from ..interface import Answer, Problem
 from ._points import Rows, neighbours_together
 
@@ -82,17 +83,18 @@ def block_program(
     It goes from designs [SI] to a call for their quantities [SI], how they ended, and whether these can
     be relied on; NaN where not. The devices share groups of so many designs.
     """
-    once, finer = _once(problem, width, devices), with_more_panels(problem)
+    once = _once(problem, width, devices)
+    larger = in_next_size(problem, by_march=True)
+    # made where it is needed, and kept for the blocks that follow
+    start_larger = cache(partial(block_program, larger, width, devices))
 
     def start(rows):
         running = once(rows)
 
         def wait():
             values, ok, short, status = running()
-            if finer is not None and short.any():
-                # its program is made where it is needed
-                again = _once(finer, width, devices)(rows[short])()
-                values[short], ok[short], _, status[short] = again
+            if larger is not None and short.any():
+                values[short], status[short], ok[short] = start_larger()(rows[short])()
             return np.where(ok[:, None], values, np.nan), status, ok
 
         return wait
@@ -101,7 +103,7 @@ def block_program(
 
 
 def _once(problem: Problem, width: int, devices: Sequence[Device]):
-    """The same, without more panels where these are too few."""
+    """The same in one size of the cycle, with what may be found in a larger one."""
     numbers, rest = eqx.partition(problem, eqx.is_array)
     # A program on a CPU may hold the thread that started it until it ends.
     pool = ThreadPoolExecutor(len(devices), "sweep")
