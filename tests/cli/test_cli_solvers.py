@@ -46,12 +46,14 @@ def test_studies_take_the_same_solvers(scene):
 
 
 def test_the_cycle_has_its_own_options(scene):
-    found = cycle_of(CycleOptions(), "panels=96, nodes=10, tolerance=1e-12, method=march")
+    found = cycle_of(CycleOptions(), ["panels=96, nodes=10", "tolerance=1e-12, method=march"])
     assert (found.panels, found.nodes, found.tolerance, found.method) == (96, 10, 1e-12, "march")
-    assert with_cycle(Collocation(), "panels=64").cycle.panels == 64
+    assert with_cycle(Collocation(), ["panels=64"]).cycle.panels == 64
     for wrong in ("panel=3", "panels=1", "panels=1e9", "panels=100000", "tolerance=0", "method=x"):
         with pytest.raises(CommandError, match="--cycle"):
-            cycle_of(CycleOptions(), wrong)
+            cycle_of(CycleOptions(), [wrong])
+    with pytest.raises(CommandError, match="capacity is set twice"):
+        cycle_of(CycleOptions(), ["capacity=6000", "max_passes=60000,capacity=9000"])
 
 
 def test_where_no_crank_is_solved_there_is_no_solver(scene):

@@ -233,7 +233,8 @@ def test_the_terminal_and_the_file_of_coefficients_state_one_error(tmp_path, mon
     def points(compressor, rating, options, solver, evaporating, condensing):
         values = 900.0 * np.exp(0.055 * (evaporating - 263.15)) + 1e-3 * condensing
         values = values * (1 + 4e-3 * np.cos(evaporating))
-        return {name: values for name, *_ in QUANTITIES}, np.ones(values.shape, bool)
+        true = np.ones(values.shape, bool)
+        return {name: values for name, *_ in QUANTITIES}, true, ~true
 
     monkeypatch.setattr("jaxcomp.study.rating._along", points)
     given = ["map", "r134a-7cc", "--evaporating=-30:-10:5", "--condensing=40:55:4"]
