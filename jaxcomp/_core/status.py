@@ -47,7 +47,8 @@ class Status(eqx.Enumeration):
     )
     wet = "the gas is below its dew point: wet compression is not modelled"
     no_periodic_state = (
-        "no stable periodic state was found: the net work of a revolution does not fall with speed"
+        "no stable periodic state was found: the net work of a revolution does not fall with speed, or "
+        "the valves repeat their motion only after two revolutions (`jaxcomp simulate` follows it)"
     )
     film_collapse = (
         "the film of a journal closes within the revolution; give it more viscosity, width or less "

@@ -13,6 +13,7 @@ from .._core.status import Status
 from ._balance import STATES, Accounts, valve_scales
 from ._cylinder import Case
 from ._panels import SolvedPressure, over_panels, resolution, turning_margins
+from ._stability import largest_multiplier
 
 VALVES = ("suction", "discharge")
 # [-] of the stop: a valve that reverses as near to it as production tolerances
@@ -95,6 +96,8 @@ class Cycle(Result, eqx.Module):
         plenum_pressure: [Pa] (p, n) in the plenums before the suction valve, then behind the discharge
             valve; `None` without any.
         event_count: of all valves that were solved together, in the last revolution that was marched.
+        repeats: whether the march repeated within its tolerance before Newton's method; where it did not,
+            the cycle may be unstable, see `multiplier`.
     """
 
     angle: Float[Array, " n"]
@@ -120,6 +123,7 @@ class Cycle(Result, eqx.Module):
     raw: Any = None
     plenum_pressure: Float[Array, "p n"] | None = None
     event_count: Int[Array, ""] | None = None
+    repeats: Bool[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 
@@ -301,6 +305,16 @@ class Cycle(Result, eqx.Module):
         Over the scales of mass, temperature and lift; of a march that of the panels laid after it.
         """
         return resolution(self.raw[1])
+
+    @property
+    def multiplier(self) -> float:
+        """[-] Largest Floquet multiplier: the factor of a disturbance in a revolution, by collocation.
+
+        Beyond one in magnitude the cycle is unstable; below minus one the machine repeats only after
+        two revolutions. With its sign where it is real, else the magnitude.
+        """
+        mesh, z, _ = self.raw
+        return largest_multiplier(self.case, mesh, z)
 
     @property
     def turning_margins(self) -> dict[str, Float[Array, ""]]:

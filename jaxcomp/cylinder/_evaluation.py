@@ -35,6 +35,8 @@ class CycleSolution(NamedTuple):
     revolutions: Int[Array, ""]
     passes: Int[Array, ""]
     events: Int[Array, ""]  # of the last revolution that was marched
+    repeats: Bool[Array, ""]  # whether that one was as the one before, within the tolerance
+    alternates: Bool[Array, ""]  # whether it was as the one before that, and not as the one before
 
 
 def cycle_of(system: Cylinders, found, marching: bool) -> Cycle:
@@ -98,6 +100,8 @@ def _judged(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
     """The cycle of one cylinder, with its status."""
     status = Status.where(found.solved, Status.converged, Status.not_converged)
     status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
+    alternates = found.alternates & ~found.solved
+    status = Status.where(alternates, Status.no_periodic_state, status)
     cycle = _cycle(case, found, points, marching)
     no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
     status = Status.where(no_flow, Status.no_delivery, status)
@@ -160,6 +164,7 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
         raw=(mesh, z, pressure),
         plenum_pressure=_plenum_pressures(case, z.points),
         event_count=found.events,
+        repeats=found.repeats,
     )
 
 

@@ -29,6 +29,8 @@ class March(NamedTuple):
     whole: Bool[Array, ""]  # whether all of its steps are in the record as well
     record: Record  # its steps
     change: Float[Array, ""]  # [-] largest difference between its end and its beginning
+    # [-] the same between its end and the beginning of the one before
+    change_of_two: Float[Array, ""]
     revolutions: Int[Array, ""]  # how many
     passes: Int[Array, ""]  # tries of steps in all
 
@@ -141,6 +143,7 @@ def _repeated(
             whole=new.whole,
             record=new.record,
             change=size,
+            change_of_two=jnp.max(jnp.abs(change + last_change)),
             revolutions=revolutions,
             passes=passes,
         )
@@ -157,6 +160,7 @@ def _repeated(
         whole=true,
         record=record,
         change=jnp.asarray(jnp.inf),
+        change_of_two=jnp.asarray(jnp.inf),
         revolutions=none,
         passes=none,
     )

@@ -25,7 +25,7 @@ from ._march import Record
 from ._options import COARSE, CycleOptions
 from ._panels import Mesh, Unknowns, lay_mesh, resolution
 from ._plenum import PER_PLENUM
-from ._revolutions import START, TURN, march
+from ._revolutions import START, TURN, March, march
 from ._several import SeveralCycles
 from ._system import Cylinders
 from .wall_network import OF_WALL
@@ -353,7 +353,14 @@ def _march_only(system: Cylinders, options: CycleOptions) -> CycleSolution:
         revolutions=end.revolutions,
         passes=end.passes,
         events=events,
+        repeats=end.change <= repeat,
+        alternates=_alternates(end, repeat),
     )
+
+
+def _alternates(end: March, repeat) -> Bool[Array, ""]:
+    """Whether a march repeats after two revolutions, and not after one."""
+    return (end.change > 100 * repeat) & (end.change_of_two < 0.1 * end.change)
 
 
 def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSolution:
@@ -382,6 +389,8 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
         revolutions=cycle.revolutions,
         passes=cycle.passes,
         events=cycle.event_count,
+        repeats=cycle.repeats,
+        alternates=jnp.asarray(False),
     )
 
 
@@ -402,11 +411,11 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
         repeat = 100 * tolerance  # Newton's method closes the rest
         wanted = ~(last.solved | ready)
         end = march(system, options, tolerance, repeat, state, flags, wanted, few)
-        laid = *_laid(end, options), end.totals
+        laid = *_laid(end, options), end.totals, end.change <= repeat
         if start is not None:
-            known = start.mesh, start.z, start.events, start.totals
+            known = start.mesh, start.z, start.events, start.totals, start.repeats
             laid = jax.tree.map(partial(jnp.where, ready), known, laid)
-        mesh, z, events, totals = laid
+        mesh, z, events, totals, repeats = laid
         new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
         sound = mesh.fits & (report.size < 1e-7)
         coarse = sound & report.holds & (resolution(new) > COARSE) & options.may_grow
@@ -421,6 +430,9 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
             revolutions=last.revolutions + end.revolutions,
             passes=last.passes + end.passes,
             events=events,
+            repeats=repeats,
+            # Newton's method may find the state between two revolutions all the same
+            alternates=jnp.asarray(False),
         )
         least = jnp.min(new.left[:, system.columns(0, 1)])
         goes_on = sound & (least > 0.01)
@@ -468,4 +480,6 @@ def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
         revolutions=none,
         passes=none,
         events=none,
+        repeats=jnp.asarray(False),
+        alternates=jnp.asarray(False),
     )

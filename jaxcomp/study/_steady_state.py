@@ -26,6 +26,7 @@ from ..crank import (
     train_torques,
 )
 from ..crank.interface import film_thickness, moved_films
+from ..cylinder import Cycle
 from ..cylinder.interface import GRAZING
 from ..gas import DoubleActing, PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
@@ -215,7 +216,7 @@ def steady_state(
             for name in film_thickness(compressor, orbit)
         },
         rods,
-        tuple(_remarks(compressor, margins, rods)),
+        (*_remarks(compressor, margins, rods), *_remarks_on_stability(orbit.cycle)),
         moved_films(compressor, orbit) if moving_films else None,
         None if suspension is None else _vibration(compressor, orbit, suspension),
         None if train is None else train_torques(compressor, orbit, train),
@@ -294,6 +295,22 @@ def _verification(orbit: Orbit) -> dict[str, Any]:
     }
     ended = {"steps": int(march.steps), "status": Status[march.status]}
     return jax.tree.map(float, errors) | ended
+
+
+def _remarks_on_stability(cycle: Any) -> Iterator[str]:
+    """Whether a cycle whose march did not repeat is one that a machine runs in."""
+    if not isinstance(cycle, Cycle) or cycle.repeats is None or bool(cycle.repeats):
+        return
+    multiplier = cycle.multiplier
+    if multiplier < -1:
+        yield (
+            f"The periodic state is unstable: a disturbance is times {multiplier:.3g} in a revolution. "
+            "The machine alternates between two revolutions, and this one lies between them."
+        )
+    elif multiplier > 1:
+        yield (
+            f"The periodic state is unstable: a disturbance is times {multiplier:.3g} in a revolution."
+        )
 
 
 def _remarks(

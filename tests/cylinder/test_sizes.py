@@ -1,0 +1,131 @@
+"""Sizes of the cycle's program: which one a machine takes, and what happens where none fits."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from cylinder.test_cylinder import SPEED, golden, mechanism
+
+from jaxcomp import SolveFailed, Status
+from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp.cylinder._revolutions import march
+from jaxcomp.cylinder.interface import Cylinders, may_lack_room, prepare
+
+TOO_MANY = Status.too_many_events
+
+
+def test_a_machine_takes_the_next_size_with_room_for_its_events():
+    options = CycleOptions()
+    assert options.panel_count == 48
+    assert options.next_size(Status.converged, np.array(200)) is None
+    assert options.next_size(TOO_MANY, np.array(0)).panel_count == 128
+    assert options.next_size(TOO_MANY, np.array(100)).panel_count == 320
+    assert options.next_size(TOO_MANY, np.array(5000)).panel_count == 768
+    assert CycleOptions(least_panels=40).next_size(TOO_MANY, np.array(0)).panel_count == 107
+
+
+def test_a_batch_takes_the_size_of_its_largest_member_that_lacks_room():
+    lacking = jax.vmap(lambda fits: Status.where(fits, Status.converged, TOO_MANY))
+    status = lacking(jnp.array([True, False, True]))
+    larger = CycleOptions().next_size(status, np.array([500, 20, 300]))
+    assert larger.panel_count == 128
+
+
+def test_the_march_stands_behind_the_largest_size_alone():
+    options, panels = CycleOptions(), []
+    while options is not None:
+        panels.append(options.panel_count)
+        last, options = options, options.grown()
+    assert panels == [48, 128, 320, 768]
+    assert last.may_march
+    assert last.by_march().method == "march"
+    assert last.by_march().by_march() is None
+    assert not CycleOptions().may_march
+
+
+def test_numbers_that_are_given_are_kept():
+    given = CycleOptions(panels=30, capacity=500, max_passes=900)
+    assert not given.may_grow
+    assert not given.may_march
+    assert given.next_size(TOO_MANY, np.array(100)) is None
+    # all but one of given panels may end in an event
+    assert bool(given.has_room(29, 10))
+    assert not bool(given.has_room(30, 10))
+    assert not bool(given.has_room(29, 501))
+
+
+def test_cylinders_that_are_solved_together_have_the_panels_of_each():
+    options = CycleOptions(panels=20).of_several(3)
+    assert options.panel_count == 60
+    assert options.kept_steps == 3 * 768
+
+
+def test_statuses_for_which_a_larger_size_may_help():
+    assert bool(may_lack_room(Status.not_converged))
+    assert bool(may_lack_room(TOO_MANY))
+    assert not bool(may_lack_room(Status.no_delivery))
+
+
+def stiff(scale=1.0):
+    """The air machine with a suction valve that bounces: it has more events than the first size holds."""
+    valve = golden("D").suction_valve
+    changed = eqx.tree_at(
+        lambda v: (v.stiffness, v.stop), valve, (scale * 40 * valve.stiffness, 0.5 * valve.stop)
+    )
+    return eqx.tree_at(lambda c: c.suction_valve, golden("D"), changed)
+
+
+def work(scale, **more):
+    return solve_cycle(stiff(scale), mechanism(), 0.5 * SPEED, **more).indicated_work
+
+
+@pytest.mark.slow  # two sizes with derivatives, and the first one within `jit`
+def test_derivatives_are_taken_at_the_size_that_the_value_took():
+    fine = CycleOptions(nodes=10, size=2)
+    value, slope = jax.value_and_grad(work)(1.0)
+    np.testing.assert_allclose(value, work(1.0), rtol=1e-12)
+    np.testing.assert_allclose(value, work(1.0, options=fine), rtol=1e-6)
+    step = 1e-3
+    difference = (work(1 + step, options=fine) - work(1 - step, options=fine)) / (2 * step)
+    # by default to 1e-3, and the difference to the square of its step
+    np.testing.assert_allclose(slope, difference, rtol=1e-3)
+
+    # a compiled program has one size, and says so when it runs
+    with pytest.raises(Exception, match=r"least_panels=320"):
+        jax.block_until_ready(jax.jit(jax.grad(work))(1.0))
+
+    def status(scale):
+        return solve_cycle(stiff(scale), mechanism(), 0.5 * SPEED, throw=False).status
+
+    assert bool(jax.jit(status)(1.0) == TOO_MANY)
+
+
+@pytest.mark.slow  # a march and the Jacobian of a revolution
+def test_a_disturbance_shrinks_by_the_multiplier():
+    """Of the golden machine with air: two revolutions of the march from a disturbed state."""
+    # with much gas left behind a revolution remembers more of the one before
+    cylinder = eqx.tree_at(lambda c: c.clearance_ratio, golden("D"), jnp.asarray(0.2))
+    cycle = solve_cycle(cylinder, mechanism(), SPEED, CycleOptions(nodes=8, panels=48))
+    system = Cylinders(prepare(cylinder, mechanism(), jnp.asarray(SPEED), None), jnp.zeros(1))
+    mesh, z, _ = cycle.raw
+    options = CycleOptions(size=1)
+
+    @jax.jit
+    def turned(state):
+        return march(system, options, 1e-10, 0.0, state, mesh.flags[0], jnp.asarray(True), 1).state
+
+    states = z.left[0], z.left[0].at[0].add(1e-4)
+    differences = []
+    for _ in range(4):
+        states = tuple(turned(state) for state in states)
+        differences.append(float(states[1][0] - states[0][0]))
+    # the other directions are gone after three revolutions, and of 1e-4 the second order is left
+    assert differences[3] / differences[2] == pytest.approx(cycle.multiplier, rel=1e-2)
+    assert 0.02 < cycle.multiplier < 1
+
+
+def test_a_failure_names_events_and_panels():
+    few = CycleOptions(nodes=4, panels=6, capacity=768, max_passes=4000)
+    with pytest.raises(SolveFailed, match=r"events of the valves in a revolution on 6 panels"):
+        solve_cycle(golden("D"), mechanism(), SPEED, few)
