@@ -9,6 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .fields import is_traced
+
 Y = TypeVar("Y")
 
 
@@ -41,7 +43,12 @@ _RUNAWAY = 1e6
 
 def frozen(tree: Y) -> Y:
     """A tree without derivatives; what is no array, as a function among the parameters, stays."""
-    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
+
+    def without_derivatives(leaf):
+        # outside of a trace there are none, and the operation would be a program of its own
+        return jax.lax.stop_gradient(leaf) if is_traced(leaf) else leaf
+
+    return jax.tree.map(without_derivatives, tree)
 
 
 def zeros_of(function: Callable[..., Any], *arguments) -> Any:

@@ -177,11 +177,13 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
 
 def _raise_if_failed(orbit: Orbit, solver) -> None:
     """Raise with what is known of an orbit that was not found."""
-    # of a status that is traced, since its orbit has derivatives, the value
-    code = frozen(jnp.asarray(orbit.status._value, float)).astype(jnp.int32)
-    if is_traced(code):
-        return
-    status = eqx.tree_at(lambda s: s._value, Status.converged, code)
+    status = orbit.status
+    if is_traced(status._value):
+        # since its orbit has derivatives; a whole number cannot be taken out of their trace
+        code = frozen(jnp.asarray(status._value, float))
+        if is_traced(code):
+            return
+        status = eqx.tree_at(lambda s: s._value, status, code.astype(jnp.int32))
     if not bool(jnp.any(status != Status.converged)):
         return
     if orbit.cycle is not None and not bool(of_each(orbit.cycle).converged.all()):

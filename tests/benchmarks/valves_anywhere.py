@@ -11,6 +11,8 @@ events in a revolution, the errors in work and volumetric efficiency, and those 
 """
 
 import argparse
+import time
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax
@@ -25,6 +27,7 @@ from jaxcomp.cylinder import (
     DischargeLine,
     LaminarGap,
     SuctionLine,
+    solve_cycle,
 )
 from jaxcomp.fluid import PerfectGas, RealGas
 from jaxcomp.valve import PlateValve
@@ -148,7 +151,7 @@ def main() -> None:
     print(
         f"{'events':>12} {'machines':>9} {'solved':>7} {'median error':>13} {'largest':>9} {'ms':>7}"
     )
-    for low, high in zip(EDGES, EDGES[1:], strict=False):
+    for low, high in pairwise(EDGES):
         rows = [one for one in outcomes if low <= one.events < high]
         if not rows:
             continue
