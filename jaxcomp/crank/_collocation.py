@@ -34,7 +34,7 @@ _SEVERAL = 1e-10
 # cylinders and 9e-6 at most; with 24 panels of 12 nodes, which cost as much, 4e-7, 2e-6 and 2e-6, with
 # 24 of 8 nodes 1e-6, 5e-6 and 4e-6.
 _PANELS = 36
-# Panels without friction, which adds no kinks and costs most of the time: a single piston without gas has
+# Panels without friction and gas, which add kinks and cost most of the time: a single piston alone has
 # kinks at its dead centres alone, and on two panels of 8 nodes its forces of orders 4 and 6 were rounding
 # of the quadrature, 13 % and 160 times the value; on 12 all orders to 6 are good to 1e-12 of the first.
 _FRICTIONLESS_PANELS = 12
@@ -105,7 +105,8 @@ class Collocation(eqx.Module):
         count = self.panel_count
         if count is None and kinks.size < FEWEST_PANELS and moving(compressor):
             count = FEWEST_PANELS
-        if count is None and kinks.size < _FRICTIONLESS_PANELS and compressor.frictionless:
+        bare = compressor.frictionless and compressor.gas is None
+        if count is None and kinks.size < _FRICTIONLESS_PANELS and bare:
             count = _FRICTIONLESS_PANELS
         if count is not None:
             kinks = _of_count(kinks, count)
@@ -227,6 +228,9 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
     status = Status.converged
     made = grid, at, state, torque, loads, energy, {}, status, report
+    if not tabulated_points(compressor):
+        # the resolution tells enough of smooth laws
+        return orbit_on_panels(*made, solver)
     fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
     finer = fine.total(lax.stop_gradient(instants(compressor, fine.angle).conservative))
     return orbit_on_panels(*made, solver, gas_work_error=jnp.abs(finer + lax.stop_gradient(work)))

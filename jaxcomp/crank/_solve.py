@@ -189,6 +189,15 @@ def _raise_if_failed(orbit: Orbit, solver) -> None:
     if orbit.cycle is not None and not bool(of_each(orbit.cycle).converged.all()):
         raise SolveFailed(status, evidence(orbit.cycle, solver.cycle), orbit)
     seen = frozen(orbit)
+    crank_is_solved = float(seen.residual) < _JOINT_RESIDUAL
+    if seen.cycle is not None and crank_is_solved and bool(status == Status.not_converged):
+        raise SolveFailed(
+            status,
+            f"pressure and speed of the crank did not agree within {_MAX_ITERATIONS} iterations: the "
+            f"speed fluctuates by {100 * float(seen.speed_fluctuation):.3g} % of its mean; more inertia "
+            "of the crankshaft or a higher speed makes it steadier",
+            orbit,
+        )
     worst = seen.weakest_cylinder
     where = "" if worst is None else f" in cylinder {int(worst)}"
     raise SolveFailed(

@@ -100,7 +100,7 @@ def test_the_couples_are_those_of_the_book(tmp_path):
 @pytest.mark.parametrize("kind", ["constant_speed", "mean_speed"])
 def test_tables_leave_out_what_has_no_meaning(tmp_path, kind):
     text = ran(machine_file(tmp_path, "boxer-four", HELD.replace("constant_speed", kind)))
-    assert "no efficiency has a meaning" in text
+    assert "no efficiency has a meaning" in " ".join(text.split())  # however long a line is
     assert "Torque fluctuation" not in text
     assert "-0" not in [word for line in text.splitlines() for word in line.split()]
 

@@ -185,14 +185,14 @@ def efficiency(design):
 def test_programs_are_small():
     """Lines of StableHLO of the default orbit: compiling takes about a second a thousand.
 
-    The bounds are at most a per cent above what was counted: 4,165, 9,938 and 7,289. Until motors of any
+    The bounds are at most a per cent above what was counted: 4,165, 9,956 and 7,304. Until motors of any
     stiffness solved they were 3,999, 9,536 and 6,987; until designs whose load reverses beside a kink
     converged, and failures near the lock were named, 4,112, 9,839 and 7,236.
     """
     design = load("mayekawa-wbhe").machine.compressor
     assert lines(efficiency, design) < 4_210
-    assert lines(jax.value_and_grad(efficiency), design) < 9_950
-    assert lines(efficiency, with_films(design)) < 7_300
+    assert lines(jax.value_and_grad(efficiency), design) < 10_050
+    assert lines(efficiency, with_films(design)) < 7_370
 
 
 def test_cosine_and_sine_of_the_crank_are_not_computed_in_every_loop():

@@ -119,7 +119,7 @@ def test_the_command_writes_what_it_prints(tmp_path):
     asked = ["sensitivity", "mayekawa-wbhe", "--quantity", "swept_volume"]
     done = CliRunner().invoke(app, [*asked, "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    for text in ("1327", "bore", "+2 % per %", "26 other numbers of the machine have"):
+    for text in ("1327", "bore", "+2 % per %", "other numbers of the machine have"):
         assert text in done.output
     result = read_json((tmp_path / "result.json").read_text())
     first = result["quantities"][0]["numbers"][0]

@@ -450,7 +450,7 @@ BAD = {
     "repeated": ({"over": {"bore": [0.1, 0.1]}}, "without repeated"),
     "not finite": ({"over": {"bore": [0.1, np.nan]}}, "finite"),
     "distribution": ({"over": {"bore": uniform(0.1, 0.2)}}, "samples"),
-    "list": ({"over": {"bore": [0.1]}, "samples": 4}, "a distribution"),
+    "list": ({"over": {"bore": [0.1]}, "samples": 4}, "uniform.*is a list of values"),
     "samples": ({"over": {"bore": uniform(0.1, 0.2)}, "samples": 0}, "samples"),
     "sampling": (
         {"over": {"bore": uniform(0.1, 0.2)}, "samples": 4, "sampling": "halton"},
