@@ -147,8 +147,8 @@ class CycleOptions(eqx.Module):
         return larger
 
     def by_march(self) -> "CycleOptions | None":
-        """The march in the largest size, which stands where Newton's method does not hold."""
-        if self.method == "march":
+        """The march, which stands behind the largest size; `None` where it may not."""
+        if self.method == "march" or not self.may_march:
             return None
         return dataclasses.replace(self, method="march", size=len(SIZES) - 1)
 

@@ -115,7 +115,7 @@ def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
         options = larger
         found = solve(options, None)
     by_march = options.by_march()
-    if by_march is None or bool(is_solved(of_cycle(found))) or not options.may_march:
+    if by_march is None or bool(is_solved(of_cycle(found))):
         return found, options
     marched = solve(by_march, None)
     if bool(is_solved(of_cycle(marched))):

@@ -276,7 +276,7 @@ def in_next_size(problem: Problem, by_march: bool = False) -> Problem | None:
     assert compressor is not None
     solver = problem.options.solver or default_collocation(compressor)
     options = solver.cycle.grown()
-    if options is None and by_march and solver.cycle.may_march:
+    if options is None and by_march:
         options = solver.cycle.by_march()
     if options is None:
         return None

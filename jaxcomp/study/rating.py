@@ -332,7 +332,7 @@ def _in_all_sizes(compressor: Compressor, rating: str, options, solver, evaporat
     found, ok, short = jax.tree.map(
         np.array, _along(compressor, rating, options, solver, evaporating, condensing)
     )
-    larger = options.grown() or (options.by_march() if options.may_march else None)
+    larger = options.grown() or options.by_march()
     if larger is None or not short.any():
         return found, ok
     rows = np.flatnonzero(short)
