@@ -14,21 +14,11 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from crank.test_many_designs import RANGES
 
 from jaxcomp import load, sweep
 from jaxcomp.study.sweep import uniform
 from jaxcomp.study.sweep.interface import status_words
-
-RPM = np.pi / 30
-RANGES = {
-    "bore": (0.10, 0.16),
-    "motor.mean_speed": (500 * RPM, 1500 * RPM),
-    "gas.suction_pressure": (0.06e6, 0.2e6),
-    "gas.discharge_pressure": (0.6e6, 1.4e6),
-    "friction.wall.coefficient": (0.03, 0.1),
-    "friction.crank_pin.coefficient": (0.005, 0.02),
-    "friction.piston_pin.coefficient": (0.005, 0.02),
-}
 
 
 def solved(designs: int, seed: int):

@@ -7,6 +7,7 @@ import time
 from functools import cache
 
 import pytest
+from scene.test_measurement_files import COEFFICIENTS, METADATA
 
 from jaxcomp import BadInput
 from jaxcomp.scene import SceneError, dump, load, loads, machines, start
@@ -75,26 +76,7 @@ angle [deg],cylinder_pressure [bar]
 270,1.9
 330,7.2
 """
-COEFFICIENTS = {
-    "capacity": [
-        24800.0,
-        920.4,
-        -228.5,
-        12.57,
-        -5.991,
-        -0.2729,
-        0.06045,
-        -0.06974,
-        -0.0074,
-        0.0031,
-    ],
-    "power": [767.6, -100.2, 98.72, -2.675, 3.029, -0.2676, -0.01846, 0.02064, 0.00285, -0.00336],
-}
-MAP_METADATA = {
-    "machine": "X", "fluid": "R22", "return_gas": "18.3 degC", "subcooling": "0 K",
-    "evaporating": "-17.8 to 4.4 degC", "condensing": "10 to 48.9 degC",
-}  # fmt: skip
-TESPY = MAP_METADATA | {
+TESPY = METADATA | {
     "largest error of eta_s_poly": 0.01,
     "eta_s_poly": [0.6, 1e-3, -1e-3, *[1e-7] * 7],
     "eta_vol_poly": [0.8, 1e-3, -2e-3, *[1e-7] * 7],
@@ -293,7 +275,7 @@ READERS = {
     "quantities": ([QUANTITIES], read_any("table.csv")),
     "modes": ([MODES], read_any("modes.csv")),
     "vibration": ([VIBRATION], read_any("vibration.csv")),
-    "idf": ([energyplus_text(MAP_METADATA, COEFFICIENTS)], read_any("map.idf")),
+    "idf": ([energyplus_text(METADATA, COEFFICIENTS)], read_any("map.idf")),
     "json": ([json.dumps(TESPY, indent=1)], read_any("map.json")),
     "uff": ([UFF, UFF[: UFF.index("    58")] + UFF[UFF.index("    55") :]], read_any("modes.uff")),
 }
