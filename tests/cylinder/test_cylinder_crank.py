@@ -238,7 +238,8 @@ def test_the_terminal_and_the_file_of_coefficients_state_one_error(tmp_path, mon
 
     monkeypatch.setattr("jaxcomp.study.rating._along", points)
     given = ["map", "r134a-7cc", "--evaporating=-30:-10:5", "--condensing=40:55:4"]
-    shown = CliRunner().invoke(app, [*given, "--out", str(tmp_path)])
+    wide = {"COLUMNS": "200"}  # a table of whole lines
+    shown = CliRunner().invoke(app, [*given, "--out", str(tmp_path)], env=wide)
     assert shown.exit_code == 0, shown.stderr
     head = (tmp_path / "coefficients.csv").read_text()
     stated = re.search(r"largest error of capacity = ([\d.]+)% at (\S+)/(\S+) C", head)

@@ -256,7 +256,7 @@ def test_links_lead_to_files_and_headings(page):
         if target.startswith("https://"):
             continue
         file, _, anchor = target.partition("#")
-        path = (ROOT / page).parent / file
+        path = (ROOT / page).parent / file if file else ROOT / page
         if file.startswith("reference/"):  # pages that only the site has
             names = public_names()
             assert path.stem in {*names, *MADE}, target
