@@ -17,15 +17,18 @@ import sys
 import tempfile
 import time
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import chdir
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from typer.testing import CliRunner
 
 import jaxcomp as jc
+from jaxcomp._core import registry
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError, start
 from jaxcomp.study.tolerance import within
@@ -51,6 +54,14 @@ class Command(NamedTuple):
 
     words: tuple[str, ...]
     names: tuple[str, ...]
+    most: int = MOST  # characters
+
+
+class Surroundings(NamedTuple):
+    """Variables of the environment in which `jaxcomp run` starts, and what the answer must name."""
+
+    environment: dict[str, str]
+    names: tuple[str, ...]
 
 
 class Readings(NamedTuple):
@@ -59,6 +70,8 @@ class Readings(NamedTuple):
     text: str
     words: tuple[str, ...]
     names: tuple[str, ...]
+    file: str = "readings.csv"
+    encoding: str = "utf-8"
 
 
 class Call(NamedTuple):
@@ -83,10 +96,16 @@ def _map(line: str, *names: str, head: str = "", point: str = "") -> Readings:
     return Readings(text, tuple(words.split()), names)
 
 
-def _readings(text: str, *names: str, line: str = "") -> Readings:
-    """Readings of another kind."""
-    words = line or f"identify {R22} --data readings.csv --vary mechanism.bore=40mm:80mm"
-    return Readings(text, tuple(words.split()), names)
+def _readings(
+    text: str,
+    *names: str,
+    line: str = "",
+    file: str = "readings.csv",
+    encoding: str = "utf-8",
+) -> Readings:
+    """Readings of another kind, or in a file of another kind."""
+    words = line or f"identify {R22} --data {file} --vary mechanism.bore=40mm:80mm"
+    return Readings(text, tuple(words.split()), names, file, encoding)
 
 
 def _py(call: Callable[[Any], Any], *names: str) -> Call:
@@ -98,6 +117,22 @@ MAP_HEAD = (
     "evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]"
 )
 MAP_POINT = "-15,30,18.3,0,8926,3099"
+VIBRATION_HEAD = "target,axis,speed [rpm],amplitude [um]"
+# A map as polynomials, without its lines, and a compressor of EnergyPlus without its curves.
+POLYNOMIAL_HEAD = (
+    "# fluid = R22\n# superheat = 5 K\n# liquid = 20 degC\n# evaporating = -15 to 5 degC\n"
+    "# condensing = 30 to 45 degC\nquantity,unit,C1,C2,C3,C4,C5,C6,C7,C8,C9,C10\n"
+)
+POWER_LINE = "power,W,767.6,-100.2,98.72,-2.675,3.029,-0.2676,-0.01846,0.02064,0.00285,-0.00336\n"
+CUT_OBJECT = "Refrigeration:Compressor,\n  pump, !- Name\n  pump power,\n"
+TESPY = (
+    '{"fluid": "R22", "superheat": "10 K", "subcooling": "5 K", "evaporating": "-15 to 5 degC",'
+    ' "condensing": "30 to 45 degC", "eta_s_poly": EFFICIENCY,'
+    ' "eta_vol_poly": [0.8, 0, 0, 0, 0, 0, 0, 0, 0, 0],'
+    ' "reference_state": {"swept_volume": 2e-4, "frequency_poly": 25}}'
+)
+# A mode of a modal test, of which the end is missing.
+CUT_SET = "    -1\n    55\nbench\nNONE\nNONE\nNONE\nNONE\n         1         2         2\n"
 RUNS_HEAD = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 BORE = 'bore = "50 mm"'
 FLUID = 'name = "R290"'
@@ -256,6 +291,7 @@ FILES = {
 }
 
 WBHE = "mayekawa-wbhe"
+IDENTIFY = f"identify {R22} --vary mechanism.bore=40mm:80mm --data"
 COMMANDS = {
     "a step that does not divide a turn": _cli(
         "run mayekawa-wbhe --step 0.7 --out r", "--step 0.7", "must divide 360"
@@ -370,9 +406,32 @@ COMMANDS = {
     "comparison with nothing": _cli(f"compare {WBHE}", "--with"),
     "desk of a misspelt machine": _cli("desk r290-6c", "r290-6cc"),
     "unknown study": _cli(f"accuracy {WBHE} --study everything", "everything", "quantities"),
+    "a limit that no design keeps": Command(
+        (
+            *(
+                "optimise",
+                WBHE,
+                "--variable",
+                "bore=100mm:160mm",
+                "--constraint",
+                "motor_power<=1W",
+            ),
+            *("--accuracy", "coarse", "--samples", "4", "--starts", "1", "--steps", "3"),
+        ),
+        ("no design", "motor_power <= 0.001 kW", "nearest"),
+        most=2 * MOST,  # with the tables of the nearest design
+    ),
+    "friction that locks": _cli(
+        f"run {WBHE} --set friction.wall.coefficient=8", "locks the joints", "lower"
+    ),
+    "pipe for a map of EnergyPlus": _cli(f"{IDENTIFY} pipe.idf", "pipe.idf", "pipe", "into a file"),
+    "pipe for a map of TESPy": _cli(f"{IDENTIFY} pipe.json", "pipe.json", "pipe", "into a file"),
+    "pipe for a modal test": _cli(f"{IDENTIFY} pipe.uff", "pipe.uff", "pipe", "into a file"),
 }
 
+STEEL = "rotor.shafts.0.young_modulus=0.5:2"
 BALANCE = "balance --measured readings.csv"
+UPDATE = f"update hermetic-68cc readings.csv --variable {STEEL}"
 READINGS = {
     "misspelt setting": _map("# sped = 900 rpm", "sped", '"speed"'),
     "setting of another kind of file": _map(
@@ -418,6 +477,97 @@ READINGS = {
     "first run by another name": _readings(
         f"{RUNS_HEAD}\nas is,A,1490,7,238,,\n", "line 2.trial", '"initial"', line=BALANCE
     ),
+    "run without its sensor": _readings(
+        f"{RUNS_HEAD}\ninitial,,1490,7,238,,\n", "line 2.target", "name", line=BALANCE
+    ),
+    "gas that is not told": _map(
+        "# useful superheat = 5 K",
+        "return_gas",
+        "superheat",
+        "# return_gas = 18.3 degC",
+        head=MAP_HEAD.replace("return_gas [degC],", ""),
+        point=MAP_POINT.replace("18.3,", ""),
+    ),
+    "division by zero": _map(
+        "", "line 3.evaporating", "#DIV/0!", "number", point="#DIV/0!,30,18,0,8926,3099"
+    ),
+    "reference to nothing": _map(
+        "", "line 3.evaporating", "#REF!", "number", point="#REF!,30,18,0,8926,3099"
+    ),
+    "power below zero": _map(
+        "", "power", "-3099", "above 0", point=MAP_POINT.replace("3099", "-3099")
+    ),
+    "speed below zero": _map(
+        "",
+        "speed",
+        "above 0",
+        head=MAP_HEAD.replace("power [W]", "power [W],speed [rpm]"),
+        point=f"{MAP_POINT},-900",
+    ),
+    "line behind remarks and empty lines": _map(
+        "# bench 3\n\n# by night", "line 5.capacity", '"x"', point=MAP_POINT.replace("8926", "x")
+    ),
+    "number with two points": _map("# speed = 1.2.3 rpm", "speed", "1.2.3 rpm", "1450 rpm"),
+    "setting without its value": _map("# speed =", "line 1.speed", "value"),
+    "units that a program left out": _map(
+        "", "evaporating", "evaporating [degC]", head=MAP_HEAD.replace(" [degC]", "")
+    ),
+    "signs of another alphabet": _readings(
+        f"{MAP_HEAD.replace('degC', '°C')}\n{MAP_POINT}\n", "UTF-8", "save", encoding="cp1252"
+    ),
+    "heads without a line": _readings(f"{MAP_HEAD}\n", "no points", "line"),
+    "no independent samples": _readings(
+        "# independent = 0\ncrank_angle [deg],pressure [bar]\n0,8\n", "independent", '"0"', "from 1"
+    ),
+    "trace without a reading": _readings(
+        "crank_angle [deg],pressure [bar]\n0,\n90,\n", "pressure", "one angle at least"
+    ),
+    "trace without an angle": _readings(
+        "crank_angle [deg],pressure [bar]\n,8\n90,2\n", "line 2.crank_angle", "number"
+    ),
+    "order in words": _readings(
+        f"# order = x\n{VIBRATION_HEAD}\nhousing,ux,1450,3\n", "order", '"x"', "from 1"
+    ),
+    "order without its value": _readings(
+        f"# order =\n{VIBRATION_HEAD}\nhousing,ux,1450,3\n", "line 1.order", "value"
+    ),
+    "order in a column": _readings(
+        f"{VIBRATION_HEAD},order\nhousing,ux,1450,3,2\n", "order", "# order = 2"
+    ),
+    "vibration without its sensor": _readings(
+        f"{VIBRATION_HEAD}\n,ux,1450,3\n", "line 2.target", "empty", "write"
+    ),
+    "mode without its number": _readings(
+        "mode,frequency [Hz]\n,100\n", "line 2.mode", "number", line=UPDATE
+    ),
+    "two runs in one table of modes": _readings(
+        "mode,frequency [Hz]\n1,100\n1,100.4\n", "mode = 1", "file of its own", line=UPDATE
+    ),
+    "polynomials without their lines": _readings(POLYNOMIAL_HEAD, "quantity", "no line", "power"),
+    "range that falls": _readings(
+        POLYNOMIAL_HEAD.replace("-15 to 5", "5 to -15") + POWER_LINE,
+        "evaporating",
+        "5 to -15 degC",
+        "rises",
+    ),
+    "empty file of EnergyPlus": _readings("", "Refrigeration:Compressor", file="map.idf"),
+    "cut file of EnergyPlus": _readings(CUT_OBJECT, "pump", "Curve:Bicubic", file="map.idf"),
+    "number for a file of TESPy": _readings("3", "one JSON object", "TESPy", file="map.json"),
+    "nothing for a file of TESPy": _readings("null", "one JSON object", "TESPy", file="map.json"),
+    "brackets without end": _readings("[" * 100_000, "no JSON", "TESPy", file="map.json"),
+    "efficiency of zero": _readings(
+        TESPY.replace("EFFICIENCY", f"{[0] * 10}"), "eta_s_poly", "above 0", file="map.json"
+    ),
+    "efficiency that is no polynomial": _readings(
+        TESPY.replace("EFFICIENCY", "0.7"), "eta_s_poly", "list of ten", file="map.json"
+    ),
+    "universal file that is cut": _readings(
+        CUT_SET,
+        "cut",
+        "as a whole",
+        line=UPDATE.replace("readings.csv", "modes.uff"),
+        file="modes.uff",
+    ),
 }
 
 CALLS = {
@@ -432,6 +582,14 @@ CALLS = {
         "mechanism.bore",
         "(low, high)",
     ),
+    "a quantity of one's own that fails": _py(
+        lambda scene: _asked(scene, lambda result: 1 / 0), "mine", "division by zero"
+    ),
+    "a quantity of one's own of another machine": _py(
+        lambda scene: _asked(scene, lambda result: 1.0, ("valves",)), "mine", "valves"
+    ),
+    "single precision after the import": _py(lambda scene: _in_single(scene), "jax_enable_x64"),
+    "a result that unpacks to gigabytes": _py(lambda scene: jc.load_result("large.npz"), "GB"),
     "a need that nobody knows": _py(
         lambda scene: jc.register_quantity("mine", lambda r: r.orbit.margin, needs=("valve",)),
         "needs",
@@ -543,11 +701,22 @@ CALLS = {
     ),
 }
 
-MISTAKES: dict[str, File | Command | Readings | Call] = {
+SURROUNDINGS = {
+    "a platform that does not exist": Surroundings(
+        {"JAX_PLATFORMS": "nonsense"}, ("JAX_PLATFORMS=nonsense", "JAX cannot run on it here")
+    ),
+    "a platform that is not there": Surroundings(
+        {"JAX_PLATFORMS": "rocm"}, ("JAX_PLATFORMS=rocm", "JAX cannot run on it here")
+    ),
+}
+
+Mistake = File | Command | Readings | Call | Surroundings
+MISTAKES: dict[str, Mistake] = {
     **{f"file: {name}": one for name, one in FILES.items()},
     **{f"command: {name}": one for name, one in COMMANDS.items()},
     **{f"readings: {name}": one for name, one in READINGS.items()},
     **{f"Python: {name}": one for name, one in CALLS.items()},
+    **{f"surroundings: {name}": one for name, one in SURROUNDINGS.items()},
 }
 
 # What a first hour does; commands run one after the other in one folder.
@@ -644,22 +813,48 @@ def _ranged(scene: Any) -> Any:
     return jc.problem(scene, {"mechanism.bore": (0.12, 0.14)}, EFFICIENCY)
 
 
+def _asked(scene: Any, value: Callable[[Any], Any], needs: tuple[str, ...] = ()) -> Any:
+    """What a quantity of one's own matters, which is forgotten again."""
+    registered = dict(registry._registered)
+    try:
+        jc.register_quantity("mine", value, needs=needs)
+        return jc.sensitivity(scene, ["mine"])
+    finally:
+        registry._registered = registered
+
+
+def _in_single(scene: Any) -> Any:
+    """An orbit in single precision, which is switched on after the import."""
+    jax.config.update("jax_enable_x64", False)
+    try:
+        return jc.solve_orbit(scene)
+    finally:
+        jax.config.update("jax_enable_x64", True)
+
+
 def prepare(folder: Path) -> None:
     """The files beside which the commands run."""
     (folder / "empty.toml").touch()
     (folder / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
     (folder / "mine").mkdir()
     (folder / "mine" / "scene.toml").write_text("mine")
+    for kind in ("idf", "json", "uff"):
+        os.mkfifo(folder / f"pipe.{kind}")
+    with zipfile.ZipFile(folder / "large.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("orbit.npy", bytes(1000))
+        archive.filelist[0].file_size = 3 * 10**9  # as its list of members says
     (folder / "bare.csv").write_text("run,target,speed,amplitude,phase\ninitial,A,1500,25.6,8.9\n")
 
 
-def answer(mistake: File | Command | Readings | Call) -> tuple[str, str]:
+def answer(mistake: Mistake) -> tuple[str, str]:
     """What one sees, and what is wrong with it; run in a prepared folder."""
     if isinstance(mistake, Call):
         return _raised(mistake)
+    if isinstance(mistake, Surroundings):
+        return _started(mistake)
     words, refused = getattr(mistake, "words", ()), True
     if isinstance(mistake, Readings):
-        Path("readings.csv").write_text(mistake.text)
+        Path(mistake.file).write_text(mistake.text, mistake.encoding)
     if isinstance(mistake, File):
         text = start(mistake.kind, "my-machine")
         bare = re.sub(r"(?<=\S) +# .*", "", text)  # as without the remarks behind values
@@ -673,7 +868,22 @@ def answer(mistake: File | Command | Readings | Call) -> tuple[str, str]:
         return f"{type(done.exception).__name__}: {done.exception}", "a traceback"
     if refused and not done.exit_code:
         return seen, "not noticed"
-    return seen, _lacking(seen, mistake.names)
+    return seen, _lacking(seen, mistake.names, getattr(mistake, "most", MOST))
+
+
+def _started(mistake: Surroundings) -> tuple[str, str]:
+    """As `answer`, of a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-m", "jaxcomp", "run", WBHE],
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])} | mistake.environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    seen = " ".join(done.stderr.split())
+    if not done.returncode:
+        return seen, "not noticed"
+    return seen, "a traceback" if "Traceback" in seen else _lacking(seen, mistake.names)
 
 
 def _raised(mistake: Call) -> tuple[str, str]:
@@ -686,16 +896,16 @@ def _raised(mistake: Call) -> tuple[str, str]:
     return "", "not noticed"
 
 
-def _lacking(seen: str, names: tuple[str, ...]) -> str:
+def _lacking(seen: str, names: tuple[str, ...], most: int = MOST) -> str:
     """What an answer does not say, or that it says too much."""
     missing = [name for name in names if name.lower() not in seen.lower()]
     if missing:
         return f"does not name {', '.join(missing)}"
-    return f"{len(seen)} characters" if len(seen) > MOST else ""
+    return f"{len(seen)} characters" if len(seen) > most else ""
 
 
 def answers(
-    mistakes: dict[str, File | Command | Readings | Call],
+    mistakes: dict[str, Mistake],
 ) -> Iterator[tuple[str, str, str, float]]:
     """Name, answer, what is wrong with it and seconds of each mistake, in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder, chdir(folder), warnings.catch_warnings():

@@ -14,7 +14,8 @@ def regular(path) -> Path:
     """
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
-        raise OSError(errno.EINVAL, "It is a pipe or a device, not a file", str(path))
+        why = "It is a pipe or a device; write what comes out into a file and name that"
+        raise OSError(errno.EINVAL, why, str(path))
     return path
 
 

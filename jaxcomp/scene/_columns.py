@@ -36,6 +36,7 @@ class Columns:
         *,
         deviations: bool = False,
         temperatures: Iterable[str] = (),
+        settings: Mapping[str, str] | None = None,
     ):
         """Look the names up.
 
@@ -46,6 +47,7 @@ class Columns:
             examples: a unit of a column by its name, for messages; the SI unit if absent.
             deviations: whether columns of standard deviations, "sd(NAME)", are known as well.
             temperatures: columns in degrees whose names do not say so.
+            settings: what stands above the heads and never in a column: a value by each name.
 
         Raises:
             SceneError: an unknown column, one that is there twice, or one that is missing.
@@ -57,6 +59,7 @@ class Columns:
         self._places: dict[str, int] = {}
         self._units: dict[str, str] = {}
         for place, head in enumerate(table.heads):
+            _refuse_setting(head.name, settings or {})
             name = _column_name(head, known, deviations)
             if name in self._places:
                 raise SceneError(name, "is there twice")
@@ -87,7 +90,8 @@ class Columns:
         words = tuple(row.cells[place].strip() for row in self._rows)
         for row, word in zip(self._rows, words, strict=True):
             if not word:
-                raise SceneError(f"line {row.number}.{name}", "is empty")
+                problem = f"is empty; write the {name} on every line"
+                raise SceneError(f"line {row.number}.{name}", problem)
         return words
 
     def values(self, name: str, si: str, *, may_be_empty: bool = True) -> NDArray:
@@ -186,6 +190,18 @@ class Columns:
             return bool(self._units[name]) and factor(self._units[name], si) > 0
         except SceneError:
             return False
+
+
+def _refuse_setting(name: str, settings: Mapping[str, str]) -> None:
+    """Refuse a column of what is a setting of the whole file.
+
+    Raises:
+        SceneError: it is one.
+    """
+    setting = known_name(name, settings)
+    if setting is not None:
+        line = f"# {setting} = {settings[setting]}"
+        raise SceneError(name, f'is no column; write "{line}" above the heads, for all lines')
 
 
 def _column_name(head: Head, known: Sequence[str], deviations: bool) -> str:

@@ -82,7 +82,8 @@ def settings_of(
             lines_ = f"lines {numbers[name]} and {line.number}"
             raise SceneError(name, f"is given twice, in {lines_}; keep one of them")
         if not line.value and name not in WORDS:
-            raise SceneError(f"line {line.number}.{name}", "lacks its value")
+            problem = 'lacks its value; write it behind the "=", or leave the line out'
+            raise SceneError(f"line {line.number}.{name}", problem)
         settings[name] = line.value
         numbers[name] = line.number
     return settings
@@ -183,7 +184,7 @@ def measure_setting(settings: Mapping[str, str], name: str, example: str) -> tup
     text = _without_remark(settings[name])
     match = _MEASURE.fullmatch(text)
     wanted = f'as in "{name} = {example}"'
-    if match is None:
+    if match is None or match[2].startswith("."):
         raise SceneError(name, f"must be a number with its unit, {wanted}", settings[name])
     if re.match(r",\d", match[2]):
         raise SceneError(name, f"has a decimal comma; write a point, {wanted}", settings[name])

@@ -104,7 +104,8 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bo
         if unit == "Pa s" and (grade := _GRADE.fullmatch(given[:_LONGEST_TEXT])):
             return _oil(grade, key, given)
         match = _QUANTITY.fullmatch(given) if len(given) <= _LONGEST_TEXT else None
-        if not match:
+        # behind a number stands no second point, as in 1.2.3 mm
+        if not match or given[match.end(1) :].startswith("."):
             raise SceneError(key, f"is no number; it must be {wanted}", given)
         if comma := _DECIMAL_COMMA.fullmatch(given):
             point = f"{comma[1]}.{comma[2]}"

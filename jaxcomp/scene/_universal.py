@@ -53,8 +53,8 @@ def read_universal(path, name: str) -> ModalTest:
         name: of the source.
 
     Raises:
-        SceneError: no pyuff, or a file that it cannot read, that is cut, without modes and responses, or
-            with responses that do not belong together.
+        SceneError: no pyuff, or a file that it cannot read, that is cut, without modes and responses, of
+            several runs, or with responses that do not belong together.
     """
     sets, others = _data_sets(path)
     modes = [data for data in sets if _is_mode(data)]
@@ -134,7 +134,31 @@ def _hertz(mode: DataSet) -> float:
     return float(np.abs(mode["eig"]) / (2 * np.pi))
 
 
+def _refuse_several_runs(modes: Sequence[DataSet]) -> None:
+    """Refuse modes of more than one run, which would count as modes of their own.
+
+    A run numbers its modes, unless its program leaves one number to all of them; then runs are told apart
+    by their load cases alone.
+
+    Raises:
+        SceneError: a number is there twice.
+    """
+    numbers = [int(mode.get("mode_n", 0)) for mode in modes]
+    cases = {int(mode.get("load_case", 0)) for mode in modes}
+    if len(set(numbers)) == 1 and len(cases) == 1:
+        return
+    number, count = Counter(numbers).most_common(1)[0]
+    if count > 1:
+        pairs = zip(numbers, modes, strict=True)
+        hertz = [f"{_hertz(mode):.6g}" for own, mode in pairs if own == number]
+        problem = (
+            f"has mode {number} {count} times, at {', '.join(hertz)} Hz: it holds several runs;"
+        )
+        raise SceneError("", f"{problem} keep those of one run, or give each a file of its own")
+
+
 def _test_of_modes(modes: Sequence[DataSet], name: str) -> ModalTest:
+    _refuse_several_runs(modes)
     modes = sorted(modes, key=_hertz)
     nodes = sorted({int(node) for mode in modes for node in mode["node_nums"]})
     pairs = [(node, axis) for node in nodes for axis in _AXES.values()]
@@ -218,7 +242,8 @@ def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
         raise SceneError("", bound)
     twice = next((place for place, count in Counter(places).items() if count > 1), None)
     if twice is not None:
-        raise SceneError("", f"has node {twice[0]}, direction {twice[1]} twice; give means")
+        problem = f"has node {twice[0]}, direction {twice[1]} twice: it holds several runs;"
+        raise SceneError("", f"{problem} keep those of one run, or the means of all runs")
     for _, direction in places:
         if abs(direction) not in _AXES:
             raise SceneError("", f"has direction {direction}, where 1, 2 and 3 are read")

@@ -111,8 +111,10 @@ def read_energyplus(
         rows = {}
         for quantity, curve_name in (("capacity", compressor[3]), ("power", compressor[2])):
             if curve_name.lower() not in curves:
-                problem = "is a Curve:Bicubic that is missing before the compressor"
-                raise SceneError(curve_name, problem)
+                problem = (
+                    f"must be the name of a Curve:Bicubic before the compressor {compressor[1]}"
+                )
+                raise SceneError(f"{quantity} curve", problem, curve_name)
             numbers = _curve_numbers(curves[curve_name.lower()])
             rows[quantity] = np.empty(10)
             rows[quantity][list(_ORDER)] = numbers[:10]
@@ -154,7 +156,8 @@ def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
     ]
     names = [objects[place][1] for place in places]
     if not names:
-        raise SceneError("", "has no Refrigeration:Compressor")
+        problem = "has no Refrigeration:Compressor; save the compressor with both of its curves"
+        raise SceneError("", problem)
     listed = ", ".join(names[:8])
     if name is None and len(names) > 1:
         raise SceneError("", f"has {len(names)} compressors; name one as FILE.idf#NAME: {listed}")
@@ -254,7 +257,7 @@ def read_tespy(
             terms = polynomial_terms(S, D)
             efficiency = terms @ entries.isentropic
             if not (efficiency > 0).all():
-                problem = "must be above 0 at all points; take fewer"
+                problem = "must give an efficiency above 0 at all points of the ranges"
                 raise SceneError("eta_s_poly", problem, float(efficiency.min()))
             flow = terms @ entries.volumetric * density
             flow *= state["swept_volume"] * state["frequency_poly"]

@@ -113,7 +113,12 @@ def bundled_maps() -> dict[str, Path]:
 
 def _trace(name: str, table: TableText, machine: Machine) -> Trace:
     columns = Columns(
-        table, ("crank_angle", *Trace.MEASURED), ("crank_angle",), _EXAMPLES, deviations=True
+        table,
+        ("crank_angle", *Trace.MEASURED),
+        ("crank_angle",),
+        _EXAMPLES,
+        deviations=True,
+        settings={"independent": str(Trace.INDEPENDENT)},
     )
     settings = settings_of(table.settings, ("independent",), machine)
     check_fluid(settings, machine)
@@ -226,7 +231,12 @@ def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
     del machine
     places = [head.name for head in table.heads if "." in head.name]
     columns = Columns(
-        table, ("frequency", "mode", *places), ("frequency",), _EXAMPLES, deviations=True
+        table,
+        ("frequency", "mode", *places),
+        ("frequency",),
+        _EXAMPLES,
+        deviations=True,
+        settings={"support": "held"},
     )
     settings = settings_of(table.settings, ("support",))
     frequency = columns.values("frequency", "rad/s", may_be_empty=False)
@@ -257,7 +267,9 @@ def _mode_numbers(columns: Columns) -> tuple[int, ...]:
     columns.refuse("mode", ~whole, numbers, f"a whole number from 1 to {_MOST_MODES}")
     modes = tuple(int(number) for number in numbers)
     if len(set(modes)) < len(modes):
-        raise SceneError("mode", "is named twice")
+        twice = next(mode for mode in modes if modes.count(mode) > 1)
+        problem = "is there twice; give each run a file of its own, or the means of all runs"
+        raise SceneError("mode", problem, twice)
     return modes
 
 
@@ -270,7 +282,9 @@ def _places(places: Sequence[str]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
 
 def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:
     del machine
-    columns = Columns(table, _VIBRATION, _VIBRATION[:-1], _EXAMPLES, deviations=True)
+    columns = Columns(
+        table, _VIBRATION, _VIBRATION[:-1], _EXAMPLES, deviations=True, settings={"order": "2"}
+    )
     settings = settings_of(table.settings, ("order",))
     speed = columns.values("speed", "rad/s", may_be_empty=False)
     columns.refuse("speed", ~(speed > 0), speed, "above 0")

@@ -95,8 +95,10 @@ class _Table:
         for column, text in cell.items():
             if not text.isprintable():
                 raise SceneError(f"line {number}.{column}", "must be printable", text)
-        if not cell["run"] or not cell["target"]:
-            raise SceneError(f"line {number}", "needs a run and a target")
+        for column in ("run", "target"):
+            if not cell[column]:
+                problem = f"is empty; write the name of the {column} on every line"
+                raise SceneError(f"line {number}.{column}", problem)
         cell["run"] = known_name(cell["run"], (_INITIAL, _RUN_OUT)) or cell["run"]
         return cell
 

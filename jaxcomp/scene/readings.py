@@ -117,7 +117,7 @@ def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Reading
     known = (*CONDITIONS, *MEASURED)
     columns = Columns(table, known, (), _EXAMPLES, deviations=True, temperatures=_LEVELS)
     if not len(columns):
-        raise SceneError("", "has no points")
+        raise SceneError("", "has no points: write a line of numbers below the heads for each")
     numbers = {what: columns.values(what, si) for what, si in _UNITS.items() if what in columns}
     values = {what: numbers[what] for what in columns.names if what in MEASURED}
     if not values:
@@ -154,8 +154,9 @@ def _readings(
         if one in conditions and other in conditions:
             raise SceneError(one, f"contradicts {other}: give one of the two")
         if one not in conditions and other not in conditions:
-            problem = f"or {other} must be given: capacity and flow mean nothing without"
-            raise SceneError(one, problem)
+            line = f"# {one} = {_USUAL.get(one, '5 K')}"
+            problem = f'or {other} must be given, in a column or above the table as "{line}"'
+            raise SceneError(one, f"{problem}: capacity and flow mean nothing without")
     for key, column in conditions.items():
         if key != "speed" and np.isnan(column).any():
             raise SceneError(key, "must be given at every point, and has an empty cell")
@@ -223,7 +224,8 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
     if count not in (10, 20, 30):
         raise SceneError("quantity", "must have 10, 20 or 30 coefficients behind it", max(count, 0))
     if not table.rows:
-        raise SceneError("quantity", f"has no line; a line has {', '.join(MEASURED)}")
+        problem = f"has no line below the heads; write one for each of {', '.join(MEASURED)}"
+        raise SceneError("quantity", f"{problem} that was measured")
     rows = {}
     for number, line in table.rows:
         given, unit = line[0].strip(), line[1].strip()

@@ -50,6 +50,7 @@ BAD = {
     ),
     "offset unit": (replaced('"50 mm"', '"50 degC"'), 'has the unknown unit "degC"'),
     "no number": (replaced('"50 mm"', '"wide"'), 'mechanism.bore = "wide": is no number'),
+    "two points": (replaced('"50 mm"', '"1.2.3 mm"'), 'bore = "1.2.3 mm": is no number'),
     "sum of numbers": (replaced('"50 mm"', '"50 mm + 1"'), "unknown unit"),
     "not finite text": (
         replaced('"50 mm"', '"nan mm"'),

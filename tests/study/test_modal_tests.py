@@ -144,7 +144,7 @@ def test_files_of_modal_tests(tmp_path):
     [
         ("frequency [Hz]\nx", "must be a number"),
         ("frequency\n3", "needs its unit"),
-        ("frequency [Hz],mode\n3,1\n4,1", "named twice"),
+        ("frequency [Hz],mode\n3,1\n4,1", "mode = 1: is there twice"),
         ("frequency [Hz],mode\n3,0", "from 1"),
         ("frequency [Hz],moed\n3,1", "unknown column.*mode"),
         ("# support = hung\nfrequency [Hz]\n3", "free.*held"),
@@ -203,6 +203,42 @@ def test_universal_files(tmp_path):
     np.testing.assert_allclose(test.shape, [[0.2, -1.0], [1.0, 0.5]])
 
 
+def write_modes(file, modes):
+    """Real modes of two nodes: number, load case and frequency [Hz] of each."""
+    import pyuff
+
+    file.unlink(missing_ok=True)
+    writer = pyuff.UFF(str(file))
+    for number, load_case, hertz in modes:
+        writer.write_sets(
+            pyuff.prepare_55(
+                model_type=1, id1="made", id2="", id3="", id4="", id5="", analysis_type=2,
+                data_ch=2, spec_data_type=8, data_type=2, n_data_per_node=3,
+                r1=np.array([1.0, -1.0]), r2=np.zeros(2), r3=np.zeros(2),
+                node_nums=np.array([3, 12]), mode_n=number, modal_m=1.0, freq=hertz,
+                modal_damp_vis=0.0, modal_damp_his=0.0, load_case=load_case,
+            ),
+            mode="add",
+        )  # fmt: skip
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_several_runs_in_one_universal_file_are_refused(tmp_path):
+    """Modes that were measured twice counted as twice as many modes."""
+    file = tmp_path / "modes.uff"
+    write_modes(file, [(1, 1, 80.0), (2, 1, 120.0), (1, 2, 80.4), (2, 2, 120.3)])
+    message = r"mode 1 2 times, at 80, 80.4 Hz: it holds several runs; keep those of one run"
+    with pytest.raises(SceneError, match=message):
+        read_measurement(file, machine(crankshaft()))
+    write_modes(file, [(1, 1, 80.0), (1, 2, 80.4)])
+    with pytest.raises(SceneError, match="it holds several runs"):
+        read_measurement(file, machine(crankshaft()))
+    # a program that numbers none
+    write_modes(file, [(1, 1, 80.0), (1, 1, 120.0)])
+    test = read_measurement(file, machine(crankshaft()))
+    np.testing.assert_allclose(test.frequency, 2 * np.pi * np.array([80, 120]))
+
+
 def write_responses(file, responses, hertz, places, kind=4):
     """Data set 58 of several places to one force at node 3."""
     import pyuff
@@ -257,7 +293,7 @@ def test_noise_makes_no_modes():
     ("places", "kind", "change", "message"),
     [
         ([(3, 1), (12, 1)], 1, 1.0, "functions of type 1, where 4"),
-        ([(3, 1), (3, 1)], 4, 1.0, "node 3, direction 1 twice"),
+        ([(3, 1), (3, 1)], 4, 1.0, "node 3, direction 1 twice: it holds several runs"),
         ([(3, 1), (12, 4)], 4, 1.0, "direction 4, where 1, 2 and 3"),
         ([(3, 1), (12, 1)], 4, 0.0, "without a peak"),
     ],
