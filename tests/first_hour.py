@@ -300,7 +300,7 @@ COMMANDS = {
     "a run-up without its duration": _cli("simulate mayekawa-wbhe", "--duration", "2s"),
     "vibration of a machine without a rotor": _cli("modes slider-link-8cc", "no [rotor]"),
     "a comparison by what none has": _cli(
-        "compare mayekawa-wbhe --with bore=120mm --quantity cop", "cop", "valves"
+        "compare mayekawa-wbhe --with bore_at_displacement=120mm --quantity cop", "cop", "valves"
     ),
     "misspelt command": _cli("chek my.toml", "chek", "check"),
     "misspelt machine": _cli("check mayekawa-wbe", "mayekawa-wbe", WBHE),
@@ -325,32 +325,44 @@ COMMANDS = {
     "set with a wrong unit": _cli(
         f"run {WBHE} --set mechanism.bore=120kg", "mechanism.bore", "120kg", "m"
     ),
-    "design rule in bare millimetres": _cli(f"run {WBHE} --design bore=120", "bore", "120", "m"),
+    "bore without its place": _cli(
+        f"run {WBHE} --set bore=120mm", "mechanism.bore", "bore_at_displacement", "displacement"
+    ),
+    "sweep of a bore without its place": _cli(
+        f"sweep {WBHE} --over bore=100mm:150mm:11", "mechanism.bore", "bore_at_displacement"
+    ),
+    "design rule in bare millimetres": _cli(
+        f"run {WBHE} --design bore_at_displacement=120", "bore", "120", "m"
+    ),
     "misspelt quantity": _cli(
         f"sensitivity {WBHE} --quantity efficency", "efficency", "mechanical_efficiency"
     ),
     "quantity of another machine": _cli(f"sensitivity {WBHE} --quantity cop", "cop", "valves"),
     "range upside down": _cli(
-        f"optimise {WBHE} --variable bore=160mm:100mm", "bore", "0.16", "0.1", "lower end first"
+        f"optimise {WBHE} --variable bore_at_displacement=160mm:100mm",
+        "bore",
+        "0.16",
+        "0.1",
+        "lower end first",
     ),
     "range with another sign": _cli(
-        f"optimise {WBHE} --variable bore=100mm..160mm", "bore", "100mm:160mm"
+        f"optimise {WBHE} --variable bore_at_displacement=100mm..160mm", "bore", "100mm:160mm"
     ),
-    "nothing to change": _cli(f"optimise {WBHE}", "--variable", "bore=100mm:160mm"),
+    "nothing to change": _cli(f"optimise {WBHE}", "--variable", "bore_at_displacement=100mm:160mm"),
     "options that do not go together": _cli(
-        f"optimise {WBHE} --variable bore=100mm:160mm --objective friction_power "
+        f"optimise {WBHE} --variable bore_at_displacement=100mm:160mm --objective friction_power "
         "--target motor_power=20kW",
         "--target",
         "--objective",
     ),
     "constraint in an unknown unit": _cli(
-        f"optimise {WBHE} --variable bore=100mm:160mm --constraint peak_force.crank_pin<=8kp",
+        f"optimise {WBHE} --variable mechanism.bore=100mm:160mm --constraint peak_force.crank_pin<=8kp",
         "peak_force.crank_pin",
         "8kp",
         "N",
     ),
     "grid without a count": _cli(
-        f"sweep {WBHE} --over bore=100mm:150mm", "bore", "100mm:150mm:", "count"
+        f"sweep {WBHE} --over bore_at_displacement=100mm:150mm", "bore", "100mm:150mm:", "count"
     ),
     "grid of nothing": _cli(f"sweep {WBHE}", "--over"),
     "tolerance without its sign": _cli(
@@ -608,17 +620,23 @@ CALLS = {
     "bore in mm": _py(lambda s: mechanism(130.0), "130 mm are 0.13"),
     "bore below zero": _py(lambda s: mechanism(-0.13), "bore", "> 0 and <= 10 m", "-0.13"),
     "rule in mm": _py(lambda s: jc.with_bore(s.machine, 130.0), "<= 10 m"),
-    "range in mm": _py(lambda s: jc.problem(s, {"bore": (100, 150)}, EFFICIENCY), "<= 10 m"),
+    "range in mm": _py(
+        lambda s: jc.problem(s, {"bore_at_displacement": (100, 150)}, EFFICIENCY), "<= 10 m"
+    ),
     "sweep in mm": _py(lambda s: jc.sweep(s, {"mechanism.bore": [130.0]}), "<= 10 m"),
     "range with units": _py(
         lambda s: jc.problem(s, {"mechanism.bore": ("100 mm", "150 mm")}, EFFICIENCY),
         "a range of numbers in m",
     ),
-    "number for a range": _py(lambda s: jc.problem(s, {"bore": 0.2}, EFFICIENCY), "(low, high)"),
+    "number for a range": _py(
+        lambda s: jc.problem(s, {"bore_at_displacement": 0.2}, EFFICIENCY), "(low, high)"
+    ),
     "notation of the command line": _py(
         lambda s: jc.sweep(s, {"mechanism.bore": "0.1:0.2:3"}), "`sweep.grid("
     ),
-    "number for a tolerance": _py(lambda s: jc.tolerance(s, {"bore": 0.2}), "within(2e-5)"),
+    "number for a tolerance": _py(
+        lambda s: jc.tolerance(s, {"bore_at_displacement": 0.2}), "within(2e-5)"
+    ),
     "text for a tolerance": _py(
         lambda s: jc.tolerance(s, {"mechanism.bore": "+-0.2 mm"}), "within(2e-5)"
     ),
@@ -626,18 +644,25 @@ CALLS = {
     "text for a list": _py(
         lambda s: jc.sensitivity(s, "mechanical_efficiency"), 'a list, ["mechanical_efficiency"]'
     ),
-    "text for variables": _py(lambda s: jc.problem(s, "bore", EFFICIENCY), 'a list, ["bore"]'),
-    "scene for a problem": _py(lambda s: jc.optimise(s, "motor_power"), "problem(scene, {"),
-    "problem of nothing": _py(lambda s: jc.problem(s), '{"bore": (0.12, 0.14)}'),
-    "problem without quantities": _py(
-        lambda s: jc.problem(s, ["bore"]), 'a list such as ["mechanical_efficiency"]'
+    "text for variables": _py(
+        lambda s: jc.problem(s, "bore_at_displacement", EFFICIENCY),
+        'a list, ["bore_at_displacement"]',
     ),
-    "number for quantities": _py(lambda s: jc.problem(s, ["bore"], 5), "a list of names"),
+    "scene for a problem": _py(lambda s: jc.optimise(s, "motor_power"), "problem(scene, {"),
+    "problem of nothing": _py(lambda s: jc.problem(s), '{"bore_at_displacement": (0.12, 0.14)}'),
+    "problem without quantities": _py(
+        lambda s: jc.problem(s, ["bore_at_displacement"]),
+        'a list such as ["mechanical_efficiency"]',
+    ),
+    "number for quantities": _py(
+        lambda s: jc.problem(s, ["bore_at_displacement"], 5), "a list of names"
+    ),
     "range beside its name": _py(
-        lambda s: jc.problem(s, [("bore", 0.1, 0.2)], EFFICIENCY), "{name: value}"
+        lambda s: jc.problem(s, [("bore_at_displacement", 0.1, 0.2)], EFFICIENCY), "{name: value}"
     ),
     "dictionary for options": _py(
-        lambda s: jc.problem(s, ["bore"], EFFICIENCY, {"orders": 2}), "`AnalysisOptions(...)`"
+        lambda s: jc.problem(s, ["bore_at_displacement"], EFFICIENCY, {"orders": 2}),
+        "`AnalysisOptions(...)`",
     ),
     "options of sensitivity": _py(
         lambda s: jc.sensitivity(s, EFFICIENCY, options="fine"), "`AnalysisOptions(...)`"
@@ -670,11 +695,15 @@ CALLS = {
     "number for a method": _py(lambda s: jc.optimise(_ranged(s), method=3), "slsqp"),
     "tolerance of nothing": _py(lambda s: jc.tolerance(s), "within(2e-5)"),
     "number for a limit": _py(
-        lambda s: jc.tolerance(s, {"bore": within(1e-5)}, limits={"motor_power": 0.9}),
+        lambda s: jc.tolerance(
+            s, {"bore_at_displacement": within(1e-5)}, limits={"motor_power": 0.9}
+        ),
         "(low, high) in SI units",
     ),
     "sweep of nothing": _py(lambda s: jc.sweep(s), '{"mechanism.bore": [0.12, 0.13]}'),
-    "list for a sweep": _py(lambda s: jc.sweep(s, ["bore"]), '{"mechanism.bore": [0.12, 0.13]}'),
+    "list for a sweep": _py(
+        lambda s: jc.sweep(s, ["bore_at_displacement"]), '{"mechanism.bore": [0.12, 0.13]}'
+    ),
     "sweep with units": _py(
         lambda s: jc.sweep(s, {"mechanism.bore": ["120 mm", "130 mm"]}), "numbers in SI units"
     ),
@@ -727,9 +756,10 @@ TASKS: dict[str, tuple[str, ...]] = {
     "change a number": ("jaxcomp run my.toml --set motor.mean_speed=1000rpm",),
     "what matters": ("jaxcomp sensitivity my.toml --quantity mechanical_efficiency",),
     "sweep": (
-        "jaxcomp sweep my.toml --over bore=45mm:55mm:11 --over motor.mean_speed=900rpm:1500rpm:7",
+        "jaxcomp sweep my.toml --over bore_at_displacement=45mm:55mm:11"
+        " --over motor.mean_speed=900rpm:1500rpm:7",
     ),
-    "optimise": ("jaxcomp optimise my.toml --variable bore=40mm:60mm",),
+    "optimise": ("jaxcomp optimise my.toml --variable bore_at_displacement=40mm:60mm",),
     "tolerance": ("jaxcomp tolerance my.toml --vary mechanism.bore=+-0.1mm --samples 256",),
     "refrigeration map": (
         "jaxcomp new fridge.toml --kind refrigeration --force",

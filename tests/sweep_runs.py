@@ -30,7 +30,7 @@ def small(**options):
     from jaxcomp import sweep
     from jaxcomp.study.sweep import grid
 
-    over = {"bore": grid(0.1, 0.15, 21), "motor.mean_speed": grid(60.0, 140.0, 10)}
+    over = {"bore_at_displacement": grid(0.1, 0.15, 21), "motor.mean_speed": grid(60.0, 140.0, 10)}
     return sweep(machine(), over, ["mechanical_efficiency"], options=fast_options(), **options)
 
 
@@ -39,7 +39,10 @@ def many(out, count=20_000, batch=256, **options):
     from jaxcomp import sweep
     from jaxcomp.study.sweep import normal, uniform
 
-    over = {"bore": uniform(0.11, 0.15), "friction.wall.coefficient": normal(0.08, 0.01)}
+    over = {
+        "bore_at_displacement": uniform(0.11, 0.15),
+        "friction.wall.coefficient": normal(0.08, 0.01),
+    }
     options = {"options": fast_options(), "samples": count, "seed": 3, "batch": batch} | options
     return sweep(machine(), over, ["mechanical_efficiency"], out=out, **options)
 
@@ -49,7 +52,7 @@ def cheap(out, count, **options):
     from jaxcomp import sweep
     from jaxcomp.study.sweep import uniform
 
-    over = {"bore": uniform(0.11, 0.15), "mechanism.offset": uniform(0.0, 0.01)}
+    over = {"bore_at_displacement": uniform(0.11, 0.15), "mechanism.offset": uniform(0.0, 0.01)}
     return sweep(machine(), over, ["swept_volume"], out=out, samples=count, **options)
 
 
@@ -99,6 +102,6 @@ def with_nodes(nodes):
     from jaxcomp.study import AnalysisOptions
 
     options = AnalysisOptions(Collocation(nodes=nodes))
-    over = {"bore": [0.12, 0.13, 0.14]}
+    over = {"bore_at_displacement": [0.12, 0.13, 0.14]}
     found = sweep(machine(), over, ["mechanical_efficiency"], options=options, progress=False)
     return os.getpid(), found.mechanical_efficiency.values

@@ -265,7 +265,7 @@ _registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
 
 # Design variables that change a machine as a whole, with what they keep; see `jaxcomp.design_rules`.
 DESIGN_RULES = {
-    "bore": "Piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012, Eq. 6).",
+    "bore_at_displacement": "Piston diameter at fixed displacement and crank ratio (Tsuji et al. 2012).",
     "stroke_bore_ratio": "Twice the crank radius over the bore, at fixed displacement.",
     "offset": "Cylinder axis at y = offset from the crank axis.",
     "piston_clearance": "Radial clearance of the piston's oil film (no leakage).",

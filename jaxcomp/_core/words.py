@@ -1,7 +1,7 @@
 """The nearest known word to one that is unknown, for messages."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 # What designers also say, the key that holds it, and how the two are related.
 _ALSO_SAID = {
@@ -12,6 +12,14 @@ _ALSO_SAID = {
     "ocvirk": ("short", "Ocvirk's film"),
     "refrigerant": ("fluid", "by its name, as R22"),
     "dead_volume": ("clearance_ratio", "clearance volume over swept volume"),
+}
+
+# Words that could be one number or another: taken for neither, and answered with both.
+AMBIGUOUS = {
+    "bore": {
+        "mechanism.bore": "the bore alone",
+        "bore_at_displacement": "with the stroke that keeps the displacement",
+    },
 }
 
 _FEW = 8  # names that a message lists beside the one that is near
@@ -42,9 +50,9 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
         known: those that would be understood.
     """
     known = sorted(known)
-    near = nearest(word, known)
+    near = _meant(word, known)
     if near is not None:
-        return f'; did you mean "{near}"?'
+        return f"; did you mean {near}?"
     key, relation = _ALSO_SAID.get(word, ("", ""))
     if key in known:
         return f'; did you mean "{key}", {relation}?'
@@ -53,8 +61,19 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def hint(word: object, known: Iterable[object]) -> str:
     """` (did you mean "..."?)` if something similar is known."""
-    near = nearest(str(word), map(str, known))
-    return "" if near is None else f' (did you mean "{near}"?)'
+    near = _meant(str(word), [str(name) for name in known])
+    return "" if near is None else f" (did you mean {near}?)"
+
+
+def _meant(word: str, known: Collection[str]) -> str | None:
+    """The nearest word in quotes, or both readings of an ambiguous one; `None` if none is near."""
+    ambiguous = [
+        one for one, readings in AMBIGUOUS.items() if not readings.keys().isdisjoint(known)
+    ]
+    near = nearest(word, [*known, *ambiguous])
+    if near in ambiguous:
+        return ", or ".join(f'"{name}", {what}' for name, what in AMBIGUOUS[near].items())
+    return None if near is None else f'"{near}"'
 
 
 # Names that people look for in the package, and what there is instead.

@@ -34,12 +34,13 @@ def compare(
 
     Changes are those against the first design. `--set` holds for all of them.
 
-    Example: [bold]jaxcomp compare mayekawa-wbhe --with bore=120mm --with bore=140mm[/bold]
+    Example: [bold]jaxcomp compare mayekawa-wbhe --with bore_at_displacement=120mm --with
+    motor.mean_speed=800rpm[/bold]
 
     Args:
         machines: Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.
         variants (NAME=VALUE): A variant of the machine: a value as for --set, or a design rule such as
-            bore=120mm (at fixed displacement). Repeatable: each is a design of its own.
+            bore_at_displacement=120mm. Repeatable: each is a design of its own.
         quantity (NAME): Show this quantity and the dimensions alone, e.g. cop or peak_force.crank_pin.
             Repeatable.
     """

@@ -56,7 +56,10 @@ class Asked:
 
     def checked(self) -> Asked:
         """The same with what is asked for if nothing is said; refuses what cannot be combined."""
-        refuse(not self.variables, "--variable: is missing; e.g. --variable bore=100mm:160mm")
+        refuse(
+            not self.variables,
+            "--variable: is missing; e.g. --variable bore_at_displacement=100mm:160mm",
+        )
         two = self.targets and (self.objective or self.maximise is not None)
         refuse(two, "--target: cannot be combined with --objective or --maximise")
         other = "--target" if self.targets else "--method"
@@ -83,21 +86,22 @@ class Asked:
 def optimise(asked: Asked, output: Output) -> None:
     """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
 
-    Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --constraint
+    Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore_at_displacement=100mm:160mm --constraint
     'peak_force.crank_pin<=8kN' --out result[/bold]
 
-    Robust: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --scatter
+    Robust: [bold]jaxcomp optimise mayekawa-wbhe --variable bore_at_displacement=100mm:160mm --scatter
     'friction.*.coefficient=+-20 %' --sigmas 3[/bold]
 
     Where no design found keeps the constraints, the one that breaks them least is shown, and the
     status of the program is 3.
 
-    Front of two objectives: [bold]jaxcomp optimise mayekawa-wbhe --variable bore=100mm:160mm --pareto
-    speed_fluctuation --out result[/bold]
+    Front of two objectives: [bold]jaxcomp optimise mayekawa-wbhe --variable
+    bore_at_displacement=100mm:160mm --pareto speed_fluctuation --out result[/bold]
 
     Args:
-        variables (NAME=LOW:HIGH): What may change and its range, e.g. bore=100mm:160mm (a rule: at
-            fixed displacement) or crankshaft.inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.
+        variables (NAME=LOW:HIGH): What may change and its range, e.g.
+            bore_at_displacement=100mm:160mm (a rule: the stroke follows) or
+            crankshaft.inertia=0.1kg*m^2:0.3kg*m^2. Repeatable.
         objective (QUANTITY): What to improve; mechanical_efficiency if absent.
         targets (QUANTITY=VALUE): Value to meet in the sense of least squares, instead of --objective.
             Repeatable.
@@ -165,7 +169,7 @@ def _problem(
     for name, text in jc.study.interface.by_name(design, given).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
-        form = "must have the form NAME=LOW:HIGH, such as bore=100mm:160mm"
+        form = "must have the form NAME=LOW:HIGH, such as bore_at_displacement=100mm:160mm"
         refuse(not colon, f"--variable {name}={text}: {form}")
         ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
         ranges[name] = tuple(ends)

@@ -240,8 +240,9 @@ Sets = Annotated[
         "--set",
         metavar="PATH=VALUE",
         help="Set a value of the scene (motor.mean_speed=800rpm, or a pattern such as "
-        "friction.*.coefficient=0.1; `none` takes an optional one away), a design rule (bore=120mm at "
-        "fixed displacement) or a correction mass (corrections.PLANE.x). Repeatable.",
+        "friction.*.coefficient=0.1; `none` takes an optional one away), a design rule "
+        "(bore_at_displacement=120mm: the stroke follows) or a correction mass (corrections.PLANE.x). "
+        "Repeatable.",
         autocompletion=complete_variable,
     ),
 ]

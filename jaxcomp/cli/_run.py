@@ -26,8 +26,8 @@ def run(
 ) -> None:
     """Find the periodic state of a machine and print efficiency, losses and forces.
 
-    Example: [bold]jaxcomp run mayekawa-wbhe --set motor.mean_speed=800rpm --design bore=120mm --out
-    result[/bold]
+    Example: [bold]jaxcomp run mayekawa-wbhe --set motor.mean_speed=800rpm --design
+    bore_at_displacement=120mm --out result[/bold]
 
     Args:
         tolerance: Tolerance of the solver; its own default if absent.

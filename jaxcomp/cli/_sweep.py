@@ -46,7 +46,7 @@ def sweep(
     With --out everything is kept in OUT/sweep.zarr while it is found. The same command goes on where
     a stopped one ended.
 
-    Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore=100mm:150mm:51 --over
+    Example: [bold]jaxcomp sweep mayekawa-wbhe --over bore_at_displacement=100mm:150mm:51 --over
     motor.mean_speed=600rpm:1400rpm:33 --out result[/bold]
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from .._core.errors import BadInput
 from .._core.fields import Part, at
 from .._core.registry import DESIGN_RULES
-from .._core.words import did_you_mean
+from .._core.words import AMBIGUOUS, did_you_mean
 from ..compressor import Compressor, single_numbers
 from ..film import NamedBearing
 from ..machine import Machine
@@ -108,9 +108,12 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
     scene = with_lists(scene, changes)
     known = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}
     for path in changes:
-        if "." not in path and path not in known and not any(places_of(scene.document, path)):
-            names = known | ({*DESIGN_RULES} & {*variable_names(scene.machine)})
-            near = did_you_mean(path, names)
+        # a key of the file without its section is told with the section, unless it may mean more
+        placed = path not in AMBIGUOUS and any(places_of(scene.document, path))
+        if "." not in path and path not in known and not placed:
+            variables = {*variable_names(scene.machine)}
+            rules = variables if path in AMBIGUOUS else variables & {*DESIGN_RULES}
+            near = did_you_mean(path, known | rules)
             raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
     changes = {
         name: value

@@ -31,6 +31,7 @@ from .._core.fields import (
 from .._core.registry import HEADLINES, Quantity, offered_values, registered
 from .._core.results import Data, Result
 from .._core.status import SolveFailed
+from .._core.words import one_of
 from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, solve_orbit
 from ..crankshaft import counterweights
@@ -64,9 +65,10 @@ def design_study(
         solver: of the periodic state, as `solve_orbit` takes it.
 
     Raises:
-        KeyError: no such rule.
-        BadInput: a mechanism for which the rule is not made.
+        BadInput: no such rule, or a mechanism for which it is not made.
     """
+    if variable not in design_rules:
+        raise BadInput("variable", variable, one_of(variable, design_rules))
     rule = design_rules[variable]
     # The designs are laid out before anything is compiled, so that studies of other variables with
     # as many values run the same program.

@@ -80,9 +80,10 @@ def optimise(
         SolveFailed: no design of the sample can be solved.
 
     >>> from jaxcomp import load, problem
-    >>> bore = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["mechanical_efficiency"])
-    >>> best = optimise(bore, samples=16)
-    >>> print(f"{1e3 * best.values['bore']:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
+    >>> ranges = {"bore_at_displacement": (0.1, 0.16)}  # [m]
+    >>> best = optimise(problem(load("mayekawa-wbhe"), ranges, ["mechanical_efficiency"]), samples=16)
+    >>> (bore,) = best.values.values()
+    >>> print(f"{1e3 * bore:.1f} mm, {100 * best.objective:.2f} %, {best.status}")
     130.9 mm, 91.17 %, converged
     """
     if not isinstance(objective, str | Mapping | None) and not callable(objective):

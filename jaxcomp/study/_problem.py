@@ -179,7 +179,7 @@ def problem(
     """
     design = machine_of(scene)
     if variables is None:
-        bound = 'names or ranges in SI units, such as {"bore": (0.12, 0.14)}'
+        bound = 'names or ranges in SI units, such as {"bore_at_displacement": (0.12, 0.14)}'
         raise BadInput("variables", "absent", bound)
     listed_names("variables", variables)
     listed_names("quantities", quantities)

@@ -45,6 +45,7 @@ class DesignRule(NamedTuple):
         unit: SI unit of the value.
         bound: admissible values.
         doc: one line for tables and help.
+        entry: of the machine file, whose usual values are those of the rule; "" for none.
     """
 
     apply: Callable[[Any, Float[Array, ""]], Any]
@@ -52,6 +53,7 @@ class DesignRule(NamedTuple):
     unit: str
     bound: Bound
     doc: str
+    entry: str = ""
 
 
 def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
@@ -91,7 +93,7 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
     0.1173 m, 1327 cm3
     """
     mechanism = _ruled(machine)
-    bore = _checked("bore", bore, _of_field(mechanism, "bore"), "m")
+    bore = _checked("bore_at_displacement", bore, _of_field(mechanism, "bore"), "m")
     scale = (mechanism.bore / bore) ** 2
     if isinstance(mechanism, SliderLink):
         scaled = _link_with_bore(mechanism, bore, scale)
@@ -233,10 +235,12 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
     return machine
 
 
+# What the rules move first.
+_ENTRIES = {"bore_at_displacement": "mechanism.bore", "offset": "mechanism.offset"}
 design_rules: dict[str, DesignRule] = {
-    name: DesignRule(*rule, DESIGN_RULES[name])
+    name: DesignRule(*rule, DESIGN_RULES[name], _ENTRIES.get(name, ""))
     for name, rule in {
-        "bore": (with_bore, lambda machine: _ruled(machine).bore, "m", POSITIVE),
+        "bore_at_displacement": (with_bore, lambda machine: _ruled(machine).bore, "m", POSITIVE),
         "stroke_bore_ratio": (
             with_stroke_bore_ratio, lambda machine: _ratio(machine), "", POSITIVE,
         ),

@@ -123,7 +123,7 @@ def variable(
         rule = design_rules[name]
         unit, bound = rule.unit, rule.bound
         rule.current(design)  # refuses a machine for which it is not made
-        steps = ["mechanism", name]
+        steps = rule.entry.split(".")
     else:
         unit, bound = _declared(design, name)
         steps = _steps(name)

@@ -53,7 +53,7 @@ def swept(made, bores):
 
 def descend(made, starts, samples):
     found = optimise(made, starts=starts, samples=samples)
-    return found.values["bore"], found.evaluations, found
+    return found.values["bore_at_displacement"], found.evaluations, found
 
 
 def bores():
@@ -62,7 +62,10 @@ def bores():
         for rpm in (800, 1000, 1200):
             changed = with_value(scene, "motor.mean_speed", f"{rpm} rpm")
             made = problem(
-                changed, {"bore": RANGE}, ["mechanical_efficiency"], AnalysisOptions(solver=solver)
+                changed,
+                {"bore_at_displacement": RANGE},
+                ["mechanical_efficiency"],
+                AnalysisOptions(solver=solver),
             )
             print(f"\n{rpm} rpm, {name} solver")
             line("", "bore, mm", "efficiency", "designs", "time, ms", "first call, s")
@@ -106,7 +109,7 @@ def cases():
     corrections = {
         f"corrections.{plane}.{axis}": (-3e-3, 3e-3) for plane in planes for axis in "xy"
     }
-    two = {"bore": RANGE, UNBALANCE: (-0.8, 0.0)}
+    two = {"bore_at_displacement": RANGE, UNBALANCE: (-0.8, 0.0)}
     four = two | {ROD: (0.2, 0.4), INERTIA: (0.1, 0.4)}
     pair = problem(reciprocating, two, [EFFICIENCY, FLUCTUATION], options)
     many = problem(reciprocating, four, [EFFICIENCY, FLUCTUATION, FORCE], options)

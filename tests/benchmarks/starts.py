@@ -38,7 +38,7 @@ _SWEEP = (
     "sweep",
     "mayekawa-wbhe",
     "--over",
-    "bore=100mm:150mm:20000",
+    "bore_at_displacement=100mm:150mm:20000",
     "--out",
     "results",
     "--json",

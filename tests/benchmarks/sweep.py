@@ -49,7 +49,7 @@ def ranges():
 
     rpm = np.pi / 30
     return {
-        "bore": uniform(0.11, 0.15),
+        "bore_at_displacement": uniform(0.11, 0.15),
         "motor.mean_speed": uniform(800 * rpm, 1200 * rpm),
         "friction.wall.coefficient": uniform(0.07, 0.09),
     }

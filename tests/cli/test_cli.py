@@ -79,7 +79,9 @@ def test_list_of_one_machine_shows_values_and_sources():
 
 
 def test_json_is_one_object_with_the_numbers_of_the_library():
-    result = run("--json", "--set", "motor.mean_speed=800rpm", "--design", "bore=120mm")
+    result = run(
+        "--json", "--set", "motor.mean_speed=800rpm", "--design", "bore_at_displacement=120mm"
+    )
     assert result.exit_code == 0, result.stderr
     found = read_json(result.stdout)
     for key, kind in REQUIRED.items():
@@ -96,7 +98,7 @@ def test_json_is_one_object_with_the_numbers_of_the_library():
     assert abs(found["energy_residual"]) < 1e-10
     assert (found["converged"], found["solver"]) == (True, "collocation")
     assert found["set"] == {"motor.mean_speed": "800rpm"}
-    assert found["design"] == {"bore": "120mm"}
+    assert found["design"] == {"bore_at_displacement": "120mm"}
 
 
 @pytest.mark.parametrize(
@@ -132,7 +134,7 @@ def test_table_shows_efficiency_losses_forces_and_evidence():
 
 def test_out_writes_pictures_result_and_scene(tmp_path):
     folder = tmp_path / "a" / "b"
-    result = run("--out", str(folder), "--design", "bore=120mm")
+    result = run("--out", str(folder), "--design", "bore_at_displacement=120mm")
     assert result.exit_code == 0, result.stderr
     names = {"pv_diagram", "speed", "torques", "joint_forces", "joint_friction", "losses"}
     names |= {"bearing_loads", "shaking_force"}
@@ -142,7 +144,10 @@ def test_out_writes_pictures_result_and_scene(tmp_path):
     again = invoke("run", str(folder / "scene.toml"), "--json")
     found = read_json(again.stdout)
     assert found["mechanical_efficiency"] == pytest.approx(written["mechanical_efficiency"], 1e-14)
-    assert load(folder / "scene.toml").sources["mechanism.bore"] == "design rule, bore = 120mm"
+    assert (
+        load(folder / "scene.toml").sources["mechanism.bore"]
+        == "design rule, bore_at_displacement = 120mm"
+    )
 
 
 # joints of the cylinder, and the bearing of the shaft
@@ -180,13 +185,16 @@ def test_frictionless_joints_lose_nothing():
             "must be a cycle with discharge_pressure > suction_pressure",
         ),
         (
-            ["run", "mayekawa-wbhe", "--design", "bore=-1mm"],
-            "`bore` must be > 0 and <= 10 m, but is -0.001",
+            ["run", "mayekawa-wbhe", "--design", "bore_at_displacement=-1mm"],
+            "`bore_at_displacement` must be > 0 and <= 10 m, but is -0.001",
         ),
-        (["run", "mayekawa-wbhe", "--design", "bore=12"], "bore = 12: lacks its unit"),
+        (
+            ["run", "mayekawa-wbhe", "--design", "bore_at_displacement=12"],
+            "bore_at_displacement = 12: lacks its unit",
+        ),
         (
             ["run", "mayekawa-wbhe", "--design", "bor=1mm"],
-            'no design rule; did you mean "bore"?',
+            'no design rule; did you mean "mechanism.bore", the bore alone, or "bore_at_displacement"',
         ),
         (["run", "mayekawa-wbhe", "--tolerance", "0"], "--tolerance 0: must be > 0 and < 1"),
         (["run", "mayekawa-wbhe", "--tolerance", "nan"], "--tolerance nan: must be > 0 and < 1"),

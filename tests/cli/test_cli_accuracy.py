@@ -89,7 +89,10 @@ def test_table_names_the_cheapest_setting_and_the_floor(film):
         (("--study", "film", "--excitation", "crank"), "--excitation crank: has no meaning"),
         (("--quantity", "swept_volume"), "the solver of the periodic state has a part in"),
         (("--error", "2"), "--error 2: must be > 0 and < 1"),
-        (("--variable", "bore"), "--variable bore: has no meaning without --study gradient"),
+        (
+            ("--variable", "bore_at_displacement"),
+            "--variable bore_at_displacement: has no meaning without --study gradient",
+        ),
         (("--study", "extremes", "--quantity", "x"), "--quantity x: has no meaning"),
         (("--study", "response"), "it needs a rotor with its planes"),
         (("--quantity", "eficiency"), "quantity"),

@@ -127,9 +127,21 @@ def test_the_picture_has_a_bar_for_each_joint_and_design():
     ("arguments", "words"),
     [
         (["mayekawa-wbhe"], "needs a second machine"),
-        (["mayekawa-wbhe", "r134a-7cc", "--with", "bore=120mm"], "for one machine alone"),
+        (
+            ["mayekawa-wbhe", "r134a-7cc", "--with", "bore_at_displacement=120mm"],
+            "for one machine alone",
+        ),
         (["mayekawa-wbhe", "mayekawa-wbeh"], 'did you mean "mayekawa-wbhe"?'),
-        (["mayekawa-wbhe", "--with", "bore=120mm", "--with", "bore=120mm"], "is given twice"),
+        (
+            [
+                "mayekawa-wbhe",
+                "--with",
+                "bore_at_displacement=120mm",
+                "--with",
+                "bore_at_displacement=120mm",
+            ],
+            "is given twice",
+        ),
         (["mayekawa-wbhe", "--with", "motor.mean_sped=1rpm"], "mean_sped"),
     ],
 )

@@ -10,7 +10,15 @@ from jaxcomp.cli import app
 from jaxcomp.scene import optimised_scene
 
 RUNNER = CliRunner()
-BORE = ("mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--accuracy", "fast", "--starts", "8")
+BORE = (
+    "mayekawa-wbhe",
+    "--variable",
+    "bore_at_displacement=100mm:160mm",
+    "--accuracy",
+    "fast",
+    "--starts",
+    "8",
+)
 SMALL = ("--samples", "32")
 
 
@@ -157,7 +165,7 @@ def test_front_of_two_objectives(tmp_path):
     assert np.all(np.diff(fluctuation) < 0)
     assert not any(p["dominated"] for p in front["points"])
     assert front["beaten_by"] == 0
-    assert front["points"][-1]["values"]["bore"] == pytest.approx(0.1, abs=1e-6)
+    assert front["points"][-1]["values"]["bore_at_displacement"] == pytest.approx(0.1, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -167,7 +175,9 @@ def test_points_of_the_front_are_constrained_optima():
     middle = front["points"][1]
     level = middle["objectives"]["speed_fluctuation"]
     held = found(*BORE, *SMALL, "--constraint", f"speed_fluctuation<={level!r}")
-    assert held["variables"][0]["value"] == pytest.approx(middle["values"]["bore"], abs=1e-5)
+    assert held["variables"][0]["value"] == pytest.approx(
+        middle["values"]["bore_at_displacement"], abs=1e-5
+    )
     (one,) = held["constraints"]
     assert one["active"]
     assert one["multiplier"] == pytest.approx(middle["exchange"], rel=1e-2)  # at 1e-5 of the spread
@@ -202,12 +212,24 @@ def test_scene_takes_numbers_of_every_section():
 REFUSED = {
     "no variable": (["mayekawa-wbhe"], "--variable: is missing"),
     "unknown variable": (["mayekawa-wbhe", "--variable", "bor=1mm:2mm"], "`bor` must be a design"),
-    "no range": (["mayekawa-wbhe", "--variable", "bore=100mm"], "must have the form NAME=LOW:HIGH"),
-    "no unit": (["mayekawa-wbhe", "--variable", "bore=100:160"], "lacks its unit"),
-    "other unit": (["mayekawa-wbhe", "--variable", "bore=1kg:2kg"], "unit of another dimension"),
-    "empty range": (["mayekawa-wbhe", "--variable", "bore=160mm:100mm"], "the lower end first"),
-    "out of bounds": (["mayekawa-wbhe", "--variable", "bore=-1mm:100mm"], "`bore` must be > 0"),
-    "one-sided": (["mayekawa-wbhe", "--variable", "bore=:100mm"], "lacks a value"),
+    "no range": (
+        ["mayekawa-wbhe", "--variable", "bore_at_displacement=100mm"],
+        "must have the form NAME=LOW:HIGH",
+    ),
+    "no unit": (["mayekawa-wbhe", "--variable", "bore_at_displacement=100:160"], "lacks its unit"),
+    "other unit": (
+        ["mayekawa-wbhe", "--variable", "bore_at_displacement=1kg:2kg"],
+        "unit of another dimension",
+    ),
+    "empty range": (
+        ["mayekawa-wbhe", "--variable", "bore_at_displacement=160mm:100mm"],
+        "the lower end first",
+    ),
+    "out of bounds": (
+        ["mayekawa-wbhe", "--variable", "bore_at_displacement=-1mm:100mm"],
+        "`bore_at_displacement` must be > 0",
+    ),
+    "one-sided": (["mayekawa-wbhe", "--variable", "bore_at_displacement=:100mm"], "lacks a value"),
     "unknown objective": ([*BORE, "--objective", "noise"], "one of mechanical_efficiency"),
     "either way": ([*BORE, "--objective", "gas_power"], "better in either direction"),
     "unknown joint": ([*BORE, "--objective", "peak_force.crank"], "one of crank_pin"),

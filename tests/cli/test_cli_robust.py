@@ -133,7 +133,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(monkeypatch, tmp_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("jaxcomp.study.sweep.sweep", interrupted)
-    words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:3")
+    words = ("sweep", "mayekawa-wbhe", "--over", "bore_at_displacement=100mm:150mm:3")
     shown = run(*words)
     assert (shown.exit_code, shown.stderr) == (
         130,
@@ -237,7 +237,14 @@ def test_an_interrupt_ends_an_import(tmp_path, name):
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads cannot be counted here")
 @pytest.mark.parametrize("after", [0.0, 0.3, 0.6, 1.0, 2.0, 4.0, 15.0])
 def test_a_real_interrupt_at_any_time(tmp_path, after):
-    words = ("sweep", "mayekawa-wbhe", "--over", "bore=100mm:150mm:100000", "--out", tmp_path)
+    words = (
+        "sweep",
+        "mayekawa-wbhe",
+        "--over",
+        "bore_at_displacement=100mm:150mm:100000",
+        "--out",
+        tmp_path,
+    )
     command = [sys.executable, "-m", "jaxcomp", *map(str, words)]
     with interruptible(command) as running:
         # Python itself starts for 50 ms, or a second on a busy machine, in which an interrupt is its

@@ -20,7 +20,8 @@ RPM = np.pi / 30
 
 
 def run(*arguments):
-    return RUNNER.invoke(app, ["sweep", "mayekawa-wbhe", *map(str, arguments)])
+    words = ["sweep", "mayekawa-wbhe", *map(str, arguments)]
+    return RUNNER.invoke(app, words, env={"COLUMNS": "200"})
 
 
 def found(*arguments):
@@ -29,7 +30,7 @@ def found(*arguments):
     return read_json(result.stdout)
 
 
-BORES = ("--over", "bore=100mm:180mm:9")
+BORES = ("--over", "bore_at_displacement=100mm:180mm:9")
 SPEEDS = ("--over", "motor.mean_speed=800rpm,1000rpm,1200rpm")
 
 
@@ -56,13 +57,15 @@ def test_best_bores_are_the_published_ones(best_bores):
 def test_json_has_every_design_in_si_units(best_bores):
     assert best_bores["shape"] == [9, 3]
     assert best_bores["failed"] == 0
-    assert best_bores["variables"]["bore"]["unit"] == "m"
-    assert best_bores["variables"]["bore"]["values"] == pytest.approx(np.linspace(0.1, 0.18, 9))
+    assert best_bores["variables"]["bore_at_displacement"]["unit"] == "m"
+    assert best_bores["variables"]["bore_at_displacement"]["values"] == pytest.approx(
+        np.linspace(0.1, 0.18, 9)
+    )
     entry = best_bores["quantities"]["mechanical_efficiency"]
     values = np.array(entry["values"])
     assert values.shape == (9, 3)
     assert entry["highest"] == values.max() == entry["best"]["mechanical_efficiency"]
-    assert entry["best"]["bore"] == pytest.approx(0.12)
+    assert entry["best"]["bore_at_displacement"] == pytest.approx(0.12)
 
 
 def test_folder_has_store_pictures_scene_and_result(best_bores, folder):
@@ -84,14 +87,15 @@ def test_same_command_goes_on_where_one_ended(best_bores, folder):
     stamps = [mark.stat().st_mtime_ns for mark in marks]
     assert found(*BORES, *SPEEDS, *FAST, "--out", folder) == best_bores
     assert [mark.stat().st_mtime_ns for mark in marks] == stamps
-    other = run("--over", "bore=100mm:190mm:9", *SPEEDS, *FAST, "--out", folder)
+    other = run("--over", "bore_at_displacement=100mm:190mm:9", *SPEEDS, *FAST, "--out", folder)
     assert other.exit_code == 2
     assert "other values of the variables" in other.stderr
 
 
 def test_tables_speak_in_millimetres_and_per_cent(best_bores, folder):
     text = run(*BORES, *SPEEDS, *FAST, "--out", folder).stdout
-    for word in ("Best bore, mm", "Motor mean speed, rpm", "27 designs", "120", "91.1", "800"):
+    heads = ("Best bore at displacement, mm", "Motor mean speed, rpm")
+    for word in (*heads, "27 designs", "120", "91.1", "800"):
         assert word in text
     assert str(folder) in text.replace("\n", "")
 
@@ -114,11 +118,16 @@ def test_a_line_of_designs_is_listed_and_failures_are_named():
 
 @pytest.mark.slow
 def test_samples_scatter_about_their_ranges(tmp_path):
-    arguments = ["--over", "bore=125mm:135mm", "--over", "gas.exponent=normal:1.05:0.01"]
+    arguments = [
+        "--over",
+        "bore_at_displacement=125mm:135mm",
+        "--over",
+        "gas.exponent=normal:1.05:0.01",
+    ]
     arguments += ["--samples", 300, "--quantity", "mechanical_efficiency", *FAST]
     result = found(*arguments, "--out", tmp_path / "out")
     assert result["dimensions"] == ["sample"]
-    bore = np.array(result["variables"]["bore"]["values"])
+    bore = np.array(result["variables"]["bore_at_displacement"]["values"])
     assert bore.min() > 0.125
     assert bore.max() < 0.135
     # 300 quasi-random points
@@ -127,13 +136,16 @@ def test_samples_scatter_about_their_ranges(tmp_path):
     entry = result["quantities"]["mechanical_efficiency"]
     assert entry["lowest"] < entry["percentiles"]["5"] < entry["percentiles"]["95"]
     assert (tmp_path / "out/samples-mechanical_efficiency.png").stat().st_size > 10_000
-    assert found(*arguments, "--seed", 1)["variables"]["bore"]["values"] != bore.tolist()
+    assert (
+        found(*arguments, "--seed", 1)["variables"]["bore_at_displacement"]["values"]
+        != bore.tolist()
+    )
 
 
 @pytest.mark.slow
 def test_three_variables_are_drawn_at_the_best_of_the_third(tmp_path):
     result = found(
-        "--over", "bore=120mm:140mm:3", "--over", "motor.mean_speed=log:800rpm:1200rpm:3",
+        "--over", "bore_at_displacement=120mm:140mm:3", "--over", "motor.mean_speed=log:800rpm:1200rpm:3",
         "--over", "friction.wall.coefficient=0.08,0.1", "--quantity", "mechanical_efficiency",
         *FAST, "--out", tmp_path / "out",
     )  # fmt: skip
@@ -149,7 +161,13 @@ def test_three_variables_are_drawn_at_the_best_of_the_third(tmp_path):
 @pytest.mark.slow
 def test_bar_is_shown_on_a_terminal_alone(tmp_path):
     """A bar on a terminal; nothing on a pipe, so that the error output stays clean."""
-    arguments = ["sweep", "mayekawa-wbhe", "--over", "bore=110mm:140mm:40", "--quantity"]
+    arguments = [
+        "sweep",
+        "mayekawa-wbhe",
+        "--over",
+        "bore_at_displacement=110mm:140mm:40",
+        "--quantity",
+    ]
     arguments += ["swept_volume", "--batch", "10", "--json"]
     code = "from jaxcomp.cli import main; main()"
     ours, theirs = pty.openpty()
@@ -172,11 +190,11 @@ def test_bar_is_shown_on_a_terminal_alone(tmp_path):
 @pytest.mark.parametrize(
     ("text", "values"),
     [
-        ("bore=60:80mm:3", [0.06, 0.07, 0.08]),  # the unit of the last serves all
-        ("bore=60,0.07m,80mm", [0.06, 0.07, 0.08]),
-        ("bore=6cm:80mm:3", [0.06, 0.07, 0.08]),
+        ("bore_at_displacement=60:80mm:3", [0.06, 0.07, 0.08]),  # the unit of the last serves all
+        ("bore_at_displacement=60,0.07m,80mm", [0.06, 0.07, 0.08]),
+        ("bore_at_displacement=6cm:80mm:3", [0.06, 0.07, 0.08]),
         ("gas.exponent=1:1.2:3", [1.0, 1.1, 1.2]),
-        ("bore=log:10:1000mm:3", [0.01, 0.1, 1.0]),
+        ("bore_at_displacement=log:10:1000mm:3", [0.01, 0.1, 1.0]),
     ],
 )
 def test_units_of_a_range(text, values):
@@ -186,20 +204,32 @@ def test_units_of_a_range(text, values):
 
 REFUSED = {
     "no variable": ([], "--over"),
-    "unknown variable": (["--over", "bor=1mm:2mm:3"], 'did you mean "bore"'),
-    "no unit": (["--over", "bore=100:200:3"], "lacks its unit"),
-    "other dimension": (["--over", "bore=1s,2s"], "another dimension"),
-    "bound": (["--over", "bore=-1mm:2mm:3"], "--over bore=-1mm:2mm:3: must be > 0 and <= 10 m"),
-    "falling": (["--over", "bore=2mm:1mm:3"], "rises"),
-    "one value": (["--over", "bore=1mm:2mm:1"], ">= 2"),
-    "no count": (["--over", "bore=1mm:2mm"], "from:to:count"),
-    "fraction": (["--over", "bore=1mm:2mm:2.5"], "from:to:count"),
-    "repeated": (["--over", "bore=1mm,1mm"], "must not repeat"),
-    "twice": (["--over", "bore=1mm,2mm", "--over", "bore=1mm,2mm"], "set twice"),
+    "unknown variable": (["--over", "bor=1mm:2mm:3"], 'did you mean "mechanism.bore"'),
+    "no unit": (["--over", "bore_at_displacement=100:200:3"], "lacks its unit"),
+    "other dimension": (["--over", "bore_at_displacement=1s,2s"], "another dimension"),
+    "bound": (
+        ["--over", "bore_at_displacement=-1mm:2mm:3"],
+        "--over bore_at_displacement=-1mm:2mm:3: must be > 0 and <= 10 m",
+    ),
+    "falling": (["--over", "bore_at_displacement=2mm:1mm:3"], "rises"),
+    "one value": (["--over", "bore_at_displacement=1mm:2mm:1"], ">= 2"),
+    "no count": (["--over", "bore_at_displacement=1mm:2mm"], "from:to:count"),
+    "fraction": (["--over", "bore_at_displacement=1mm:2mm:2.5"], "from:to:count"),
+    "repeated": (["--over", "bore_at_displacement=1mm,1mm"], "must not repeat"),
+    "twice": (
+        ["--over", "bore_at_displacement=1mm,2mm", "--over", "bore_at_displacement=1mm,2mm"],
+        "set twice",
+    ),
     "bell without samples": (["--over", "gas.exponent=normal:1:0.1"], "needs --samples"),
-    "grid of samples": (["--over", "bore=1mm:2mm:3", "--samples", "9"], "with --samples"),
+    "grid of samples": (
+        ["--over", "bore_at_displacement=1mm:2mm:3", "--samples", "9"],
+        "with --samples",
+    ),
     "no deviation": (["--over", "gas.exponent=normal:1:0", "--samples", "9"], "must be > 0"),
-    "no samples": (["--over", "bore=1mm:2mm", "--samples", "0"], "--samples 0: must be >= 1"),
+    "no samples": (
+        ["--over", "bore_at_displacement=1mm:2mm", "--samples", "0"],
+        "--samples 0: must be >= 1",
+    ),
     "sampling": ([*BORES, "--sampling", "random"], "--sampling random: has no meaning"),
     "quantity": ([*BORES, "--quantity", "speed"], "mechanical_efficiency"),
     "joint": ([*BORES, "--quantity", "loss_power.knee", *FAST], "crank_pin"),

@@ -49,7 +49,7 @@ def test_studies_hand_out_what_they_have(monkeypatch):
         "piston_area", lambda r: r.assembly.compressor.mechanism.piston_area, needs=("compressor",)
     )
     scene, designs, machines = jc.load("mayekawa-wbhe"), [], []
-    made = jc.problem(scene, {"bore": (0.12, 0.14)}, ["swept_volume"])
+    made = jc.problem(scene, {"bore_at_displacement": (0.12, 0.14)}, ["swept_volume"])
 
     def keep(problem, points, found):
         designs.append(dict.fromkeys(one.name for one in problem.columns(points, found.values)))
@@ -60,9 +60,9 @@ def test_studies_hand_out_what_they_have(monkeypatch):
     jc.optimise(made, maximise=True, constraints=bounds, **options)
     assert len(designs) >= 2
     # a quantity that only a constraint asks for is a column like the others
-    assert all(list(one) == ["bore", "swept_volume", *bounds] for one in designs)
+    assert all(list(one) == ["bore_at_displacement", "swept_volume", *bounds] for one in designs)
     jc.tolerance(
-        made, {"bore": within(1e-5)}, samples=32, progress=False,
+        made, {"bore_at_displacement": within(1e-5)}, samples=32, progress=False,
         keep=lambda *rows: machines.append([len(one) for one in rows]),
     )  # fmt: skip
     assert machines[-1] == [32, 32, 32]
@@ -73,7 +73,14 @@ def test_studies_hand_out_what_they_have(monkeypatch):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_search_leaves_its_designs(tmp_path, number):
     out = tmp_path / "out"
-    words = ["optimise", "mayekawa-wbhe", "--variable", "bore=100mm:160mm", "--samples", "100000"]
+    words = [
+        "optimise",
+        "mayekawa-wbhe",
+        "--variable",
+        "bore_at_displacement=100mm:160mm",
+        "--samples",
+        "100000",
+    ]
     # started to hear interrupts, also where the tests ignore them
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     program = subprocess.Popen(

@@ -30,7 +30,7 @@ QUICK = [
     ("cache",),
     ("check", "hermetic-68cc"),
     ("bearing", *BEARING, "--load", "2kN", "--viscosity", "10 mPa s"),
-    ("sweep", "mayekawa-wbhe", "--over", "bore=120mm:130mm:3", *VOLUME),
+    ("sweep", "mayekawa-wbhe", "--over", "bore_at_displacement=120mm:130mm:3", *VOLUME),
     ("tolerance", "mayekawa-wbhe", *VOLUME, *LIMIT),
     ("optimise", "mayekawa-wbhe", *BORE, *FEW),
 ]

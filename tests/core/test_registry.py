@@ -64,12 +64,12 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
     assert "Friction share" in report
     written = read_json(files["result.json"].decode())
     assert written["friction_share"] == pytest.approx(share, rel=1e-14)
-    over = ("--over", "bore=120mm,130mm", "--quantity", "friction_share")
+    over = ("--over", "bore_at_displacement=120mm,130mm", "--quantity", "friction_share")
     text = invoke("sweep", "mayekawa-wbhe", *over, *FAST)
     assert "Friction share, %" in text
     assert f"{100 * share:.3g}" in text  # the second bore is that of the machine
     text = invoke(
-        "optimise", "mayekawa-wbhe", "--variable", "bore=120mm:130mm", "--objective",
+        "optimise", "mayekawa-wbhe", "--variable", "bore_at_displacement=120mm:130mm", "--objective",
         "friction_share", *FAST, "--starts", 1, "--steps", 2, "--samples", 4,
     )  # fmt: skip
     assert "lowest friction share" in text
@@ -100,7 +100,7 @@ def test_names_that_cannot_be_registered_are_refused(friction_share, monkeypatch
 @pytest.mark.slow
 def test_a_name_that_is_registered_anew_is_compiled_anew(friction_share, mayekawa):
     def first():
-        return float(sweep(mayekawa, {"bore": [0.12]}, ["friction_share"], progress=False)
+        return float(sweep(mayekawa, {"bore_at_displacement": [0.12]}, ["friction_share"], progress=False)
                      .friction_share[0])  # fmt: skip
 
     before = first()
@@ -120,16 +120,18 @@ def test_one_language_of_paths(mayekawa):
     coefficients = matching(mayekawa.machine, "friction.*.coefficient")
     assert coefficients == [f"friction.{joint}.coefficient" for joint in
                             ("wall", "piston_pin", "crank_pin")]  # fmt: skip
-    made = problem(mayekawa, ["bore", "friction.*.coefficient"], ["swept_volume"])
-    assert [one.name for one in made.variables] == ["bore", *coefficients]
+    made = problem(mayekawa, ["bore_at_displacement", "friction.*.coefficient"], ["swept_volume"])
+    assert [one.name for one in made.variables] == ["bore_at_displacement", *coefficients]
     given = by_name(mayekawa.machine, {"friction.*.coefficient": 1, "friction.wall.coefficient": 2})
     assert list(given.values()) == [2, 1, 1]  # the last that fits counts
-    changed = with_values(mayekawa, {"friction.*.coefficient": 0.1, "bore": "120 mm"})
+    changed = with_values(
+        mayekawa, {"friction.*.coefficient": 0.1, "bore_at_displacement": "120 mm"}
+    )
     values = [
         float(variable(changed.machine, name).current(changed.machine)) for name in made_names(made)
     ]
     assert values == [pytest.approx(0.12), *[0.1] * 3]
-    assert changed.sources["mechanism.bore"] == "design rule, bore = 120 mm"
+    assert changed.sources["mechanism.bore"] == "design rule, bore_at_displacement = 120 mm"
     once = sweep(mayekawa, {"mechanism.bor?": [0.1, 0.13]}, ["swept_volume"], progress=False)
     assert once.dims == ("mechanism.bore",) or list(once.dims) == ["mechanism.bore"]
 
@@ -151,7 +153,7 @@ def test_a_correction_mass_is_set_like_any_other_number():
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ("bor", 'did you mean "bore"'),
+        ("bor", 'did you mean "mechanism.bore", the bore alone, or "bore_at_displacement"'),
         ("mechanism.boar", 'did you mean "bore"'),
         ("friction.*.coeficient", 'did you mean "friction'),
         ("corrections.top.x", "corrections.top.x"),

@@ -10,7 +10,7 @@ from jaxcomp._core.status import names_of_codes
 RPM = np.pi / 30
 # Ranges well within those of such machines, so that nothing stalls or locks.
 RANGES = {
-    "bore": (0.10, 0.16),
+    "bore_at_displacement": (0.10, 0.16),
     "motor.mean_speed": (500 * RPM, 1500 * RPM),
     "gas.suction_pressure": (0.06e6, 0.2e6),
     "gas.discharge_pressure": (0.6e6, 1.4e6),

@@ -303,7 +303,7 @@ def test_impossible_questions_are_refused_by_name():
         (rotor, None, "cycle", {}, "gas"),
         (crank, "indicated_power", "cycle", {}, "quantity"),
         (crank, "mechanical_efficiency", "film", {}, "quantity"),
-        (crank, "mechanical_efficiency", "orbit", {"variable": "bore"}, "variable"),
+        (crank, "mechanical_efficiency", "orbit", {"variable": "bore_at_displacement"}, "variable"),
         (
             crank,
             "mechanical_efficiency",

@@ -80,7 +80,7 @@ def test_entries_of_lists_and_factors_on_them(scene):
 
 def test_a_rule_moves_the_whole_machine(mayekawa):
     design = machine_of(mayekawa)
-    one = variable(design, "bore", 0.1, 0.15)
+    one = variable(design, "bore_at_displacement", 0.1, 0.15)
     ruled = with_bore(design, 0.12)
     for a, b in zip(jax.tree.leaves(one.apply(design, 0.12)), jax.tree.leaves(ruled), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -92,12 +92,16 @@ def test_a_rule_moves_the_whole_machine(mayekawa):
         ({"mechanism.bor": (None, None)}, ["motor_power"], "mechanism.bor.*dotted path"),
         ({"mechanism.bore.0": (None, None)}, ["motor_power"], "dotted path"),
         ({"mechanism": (None, None)}, ["motor_power"], "dotted path"),
-        ({"bore": (-0.1, 0.2)}, ["motor_power"], "bore.*> 0.*-0.1"),
-        ({"bore": (0.2, 0.1)}, ["motor_power"], r"bore.*a range \(low, high\)"),
-        ({"bore": (0.1, 0.2)}, ["power"], "quantity.*one of.*motor_power"),
-        ({"bore": (0.1, 0.2)}, ["loss_power.knee"], "loss_power.*crank_pin.*knee"),
-        ({"bore": (0.1, 0.2)}, ["vibration"], "'vibration' needs a rotor; this scene has none"),
-        ({"bore": (0.1, 0.2)}, [], "quantities.*at least one"),
+        ({"bore_at_displacement": (-0.1, 0.2)}, ["motor_power"], "bore.*> 0.*-0.1"),
+        ({"bore_at_displacement": (0.2, 0.1)}, ["motor_power"], r"bore.*a range \(low, high\)"),
+        ({"bore_at_displacement": (0.1, 0.2)}, ["power"], "quantity.*one of.*motor_power"),
+        ({"bore_at_displacement": (0.1, 0.2)}, ["loss_power.knee"], "loss_power.*crank_pin.*knee"),
+        (
+            {"bore_at_displacement": (0.1, 0.2)},
+            ["vibration"],
+            "'vibration' needs a rotor; this scene has none",
+        ),
+        ({"bore_at_displacement": (0.1, 0.2)}, [], "quantities.*at least one"),
     ],
 )
 def test_refusals_name_what_is_wrong(mayekawa, ranges, quantities, words):
@@ -112,7 +116,7 @@ def test_quantities_are_those_of_the_solvers(mayekawa):
         "loss_power.wall", "peak_force.crank_pin", "swept_volume",
     ]  # fmt: skip
     assert {n for n in names if "." not in n} <= set(available_quantities(machine_of(mayekawa)))
-    one = problem(mayekawa, ["bore"], names, AnalysisOptions(solver=FAST))
+    one = problem(mayekawa, ["bore_at_displacement"], names, AnalysisOptions(solver=FAST))
     answer = eqx.filter_jit(one)(jnp.array([0.12]))
     orbit = solve_orbit(with_bore(mayekawa.compressor, 0.12), FAST)
     expected = [
@@ -145,7 +149,10 @@ def test_functions_serve_as_quantities(mayekawa):
         return 2 * found.orbit.motor_power
 
     one = problem(
-        mayekawa, ["bore"], ["motor_power", twice_the_power], AnalysisOptions(solver=FAST)
+        mayekawa,
+        ["bore_at_displacement"],
+        ["motor_power", twice_the_power],
+        AnalysisOptions(solver=FAST),
     )
     power, twice = one(one.current).values
     assert float(twice) == pytest.approx(2 * float(power), rel=1e-14)
@@ -281,7 +288,7 @@ def test_the_counterweight_is_one_for_crank_and_rotor(scene):
 
 
 CHAIN = {
-    "bore": 1e-5,
+    "bore_at_displacement": 1e-5,
     "mechanism.conrod_length": 1e-5,
     "loads.unbalances.0.magnitude": 1e-4,
     "gas.suction_pressure": 1e-5,

@@ -6,11 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcomp import BadInput
+from jaxcomp import BadInput, problem, sweep, tolerance
 from jaxcomp.crankshaft import Crankshaft, counterweights
 from jaxcomp.mechanism import CrankState
-from jaxcomp.scene import load, with_values
-from jaxcomp.study import design_rules, with_bore
+from jaxcomp.scene import SceneError, load, with_value, with_values
+from jaxcomp.study import design_rules, design_study, with_bore
+from jaxcomp.study.tolerance import within
 from jaxcomp.vibration import shaking_wrench
 
 
@@ -69,7 +70,7 @@ def test_rules_chain(machine):
 
 
 def test_registry_finds_the_rule(machine):
-    rule = design_rules["bore"]
+    rule = design_rules["bore_at_displacement"]
     assert (rule.unit, str(rule.bound)) == ("m", "> 0")
     assert rule.current(rule.apply(machine, 0.12)) == 0.12
 
@@ -88,7 +89,7 @@ def test_derivative_equals_finite_differences(machine):
 
 @pytest.mark.parametrize("bore", [0.0, -0.1, float("nan")])
 def test_bad_bore_is_refused(machine, bore):
-    with pytest.raises(BadInput, match="`bore` must be > 0"):
+    with pytest.raises(BadInput, match="`bore_at_displacement` must be > 0"):
         with_bore(machine, bore)
 
 
@@ -138,3 +139,22 @@ def test_bundled_machines_keep_no_first_order_at_another_bore(name):
     first = np.abs(np.fft.rfft(np.asarray(force), axis=-1)[:, 1]) / 32
     one = narrow.mechanism.half_balance * 100.0**2
     assert first.max() < 1e-12 * one
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda machine: problem(machine, {"bore": (0.1, 0.16)}, ["swept_volume"]),
+        lambda machine: sweep(machine, {"bore": [0.12, 0.13]}, ["swept_volume"]),
+        lambda machine: tolerance(machine, {"bore": within(1e-5)}),
+        lambda machine: with_value(machine, "bore", "120 mm"),
+        lambda machine: design_study(machine, "bore", np.array([0.12])),
+    ],
+    ids=["problem", "sweep", "tolerance", "value", "study"],
+)
+@pytest.mark.parametrize("name", ["mayekawa-wbhe", "two-stage-crosshead"])
+def test_a_bore_is_never_taken_for_one_of_its_two_meanings(name, use):
+    """With the displacement, or without: whoever says neither is told both names."""
+    with pytest.raises((BadInput, SceneError)) as refused:
+        use(load(name))
+    assert '"bore_at_displacement", with the stroke that keeps' in str(refused.value)

@@ -215,7 +215,13 @@ def test_a_similar_machine_follows_its_swept_volume():
 
 
 def test_derivatives_of_the_rules_equal_differences(machine):
-    names = ("bore", "stroke_bore_ratio", "offset", "piston_clearance", "similar_swept_volume")
+    names = (
+        "bore_at_displacement",
+        "stroke_bore_ratio",
+        "offset",
+        "piston_clearance",
+        "similar_swept_volume",
+    )
     for name in names:
         rule = design_rules[name]
 

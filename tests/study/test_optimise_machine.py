@@ -27,7 +27,10 @@ def scene():
 def bore_problem(scene, rpm, solver=FAST):
     changed = with_value(scene, "motor.mean_speed", f"{rpm} rpm")
     return problem(
-        changed, {"bore": RANGE}, ["mechanical_efficiency"], AnalysisOptions(solver=solver)
+        changed,
+        {"bore_at_displacement": RANGE},
+        ["mechanical_efficiency"],
+        AnalysisOptions(solver=solver),
     )
 
 
@@ -45,9 +48,11 @@ def test_optimal_bore_from_any_start_is_that_of_a_sweep(scene, rpm):
     bores = np.linspace(*RANGE, 601)  # 0.1 mm
     sweep = swept(made, bores)
     best = float(bores[np.argmax(sweep)])
-    assert abs(found.values["bore"] - best) < CLOSE
+    assert abs(found.values["bore_at_displacement"] - best) < CLOSE
     # the published optima, on a grid of 10 mm
-    assert round(found.values["bore"], 2) == {800: 0.12, 1000: 0.13, 1200: 0.14}[rpm]
+    assert (
+        round(found.values["bore_at_displacement"], 2) == {800: 0.12, 1000: 0.13, 1200: 0.14}[rpm]
+    )
     assert found.objective >= sweep.max() - 1e-9
     assert {start.status for start in found.starts} == {"converged"}
     assert found.agreeing == 8
@@ -59,14 +64,14 @@ def test_optimal_bore_from_any_start_is_that_of_a_sweep(scene, rpm):
         options={"xatol": 1e-6},
     )  # fmt: skip
     # Its optimum is that of values, which the solver's grid roughens by 2e-7: 0.05 mm of a flat top.
-    assert abs(found.values["bore"] - scalar.x) < CLOSE
+    assert abs(found.values["bore_at_displacement"] - scalar.x) < CLOSE
 
 
 @pytest.mark.slow  # compiles for a minute
 @pytest.mark.parametrize("rpm", SPEEDS)
 def test_optimal_bore_is_that_of_the_default_solver(scene, rpm):
     fast, fine = (optimise(bore_problem(scene, rpm, s), samples=16) for s in (FAST, None))
-    assert abs(fast.values["bore"] - fine.values["bore"]) < CLOSE
+    assert abs(fast.values["bore_at_displacement"] - fine.values["bore_at_displacement"]) < CLOSE
     assert fine.status == "converged"
 
 

@@ -185,8 +185,12 @@ def test_readings_beyond_what_the_machine_can_do(tmp_path):
     big = dataclasses.replace(good, measured={"capacity": 3 * capacity})
     with pytest.raises(BadInput, match=r"capacity \[W\].*more than the piston displaces"):
         big.check_limits(machine, [])
-    # unless what the pistons displace is to be found
-    big.check_limits(machine, ["mechanism.bore"])
+    # unless what the pistons displace is to be found, which another bore at the same displacement is not
+    for name in ("mechanism.bore", "mechanism.crank_radius", "similar_swept_volume"):
+        big.check_limits(machine, [name])
+    for name in ("bore_at_displacement", "stroke_bore_ratio"):
+        with pytest.raises(BadInput, match="more than the piston displaces"):
+            big.check_limits(machine, [name])
     # three standard deviations are granted
     far = dataclasses.replace(weak, sd={"power": power})
     far.check_limits(machine, [])

@@ -76,8 +76,8 @@ def test_every_design_is_the_problem_at_its_coordinates(machine, small):
     )
     one = jax.jit(lambda values: asked(values))
     for place in ((0, 0), (20, 9), (7, 3)):
-        there = small.isel(bore=place[0], **{"motor.mean_speed": place[1]})
-        answer = one(np.array([there.bore, there["motor.mean_speed"]]))
+        there = small.isel(bore_at_displacement=place[0], **{"motor.mean_speed": place[1]})
+        answer = one(np.array([there.bore_at_displacement, there["motor.mean_speed"]]))
         # one design and a group of them round differently
         assert float(answer.values[0]) == pytest.approx(
             float(there.mechanical_efficiency), rel=1e-12
@@ -88,7 +88,10 @@ def test_every_design_is_the_problem_at_its_coordinates(machine, small):
 
 def test_published_optimum_bores_are_found(machine):
     """Tsuji et al. (2012), Figs 5c and 6: 120, 130, 140 mm at 800, 1000, 1200 rpm."""
-    over = {"bore": grid(0.1, 0.18, 9), "motor.mean_speed": np.array([800, 1000, 1200]) * RPM}
+    over = {
+        "bore_at_displacement": grid(0.1, 0.18, 9),
+        "motor.mean_speed": np.array([800, 1000, 1200]) * RPM,
+    }
     found = sweep(
         machine, over, options=AnalysisOptions(Collocation(nodes=10, reversals=0, tolerance=1e-5))
     )
@@ -99,8 +102,8 @@ def test_published_optimum_bores_are_found(machine):
 
 
 def test_coordinates_carry_units(small):
-    assert dict(small.sizes) == {"bore": 21, "motor.mean_speed": 10}
-    assert small.bore.attrs["units"] == "m"
+    assert dict(small.sizes) == {"bore_at_displacement": 21, "motor.mean_speed": 10}
+    assert small.bore_at_displacement.attrs["units"] == "m"
     assert small["motor.mean_speed"].attrs["units"] == "rad/s"
     assert small.mechanical_efficiency.attrs["better"] == "more"
 
@@ -154,8 +157,8 @@ def test_functions_and_problems_are_swept_as_well(machine):
     def stroke(found):
         return 2 * found.design.compressor.mechanism.crank_radius
 
-    asked = problem(machine, ["bore"], [stroke, "swept_volume"])
-    found = sweep(asked, {"bore": [0.13, 0.26]})
+    asked = problem(machine, ["bore_at_displacement"], [stroke, "swept_volume"])
+    found = sweep(asked, {"bore_at_displacement": [0.13, 0.26]})
     assert found.stroke.values == pytest.approx([0.0999757, 0.0999757 / 4], rel=1e-6)
     # the rule keeps the displacement
     assert found.swept_volume.values[1] == pytest.approx(found.swept_volume.values[0], rel=1e-12)
@@ -344,8 +347,11 @@ def test_memory_does_not_grow_with_the_sweep(tmp_path):
 
 OTHERS = {
     "machine": ({"scene": "rod"}, "other numbers of the machine"),
-    "values": ({"over": {"bore": [0.12, 0.14]}}, "other values of the variables"),
-    "variable": ({"over": {"mechanism.bore": [0.12, 0.13]}}, "variables bore where this one has"),
+    "values": ({"over": {"bore_at_displacement": [0.12, 0.14]}}, "other values of the variables"),
+    "variable": (
+        {"over": {"mechanism.bore": [0.12, 0.13]}},
+        "variables bore_at_displacement where this one has",
+    ),
     "quantity": ({"quantities": ["motor_power"]}, "quantities swept_volume"),
     "options": ({"options": AnalysisOptions(Collocation(nodes=6))}, "options "),
 }
@@ -354,7 +360,11 @@ OTHERS = {
 @pytest.mark.parametrize("case", OTHERS)
 def test_store_of_another_sweep_is_refused(machine, tmp_path, case):
     out = tmp_path / "out"
-    first = {"over": {"bore": [0.12, 0.13]}, "quantities": ["swept_volume"], "scene": machine}
+    first = {
+        "over": {"bore_at_displacement": [0.12, 0.13]},
+        "quantities": ["swept_volume"],
+        "scene": machine,
+    }
     first["options"] = sweep_runs.fast_options()
     sweep(**first, out=out)
     changed, words = OTHERS[case]
@@ -404,7 +414,11 @@ DAMAGES = {
 def test_a_damaged_store_is_refused_or_mended(machine, tmp_path, case):
     damage, words = DAMAGES[case]
     out = tmp_path / "out"
-    asked = {"over": {"bore": [0.12, 0.13]}, "quantities": ["swept_volume"], "scene": machine}
+    asked = {
+        "over": {"bore_at_displacement": [0.12, 0.13]},
+        "quantities": ["swept_volume"],
+        "scene": machine,
+    }
     asked["options"] = sweep_runs.fast_options()
     whole = sweep(**asked, out=out).load()
     damage(out)
@@ -422,7 +436,7 @@ def test_a_damaged_store_is_refused_or_mended(machine, tmp_path, case):
 def test_folder_of_something_else_is_refused_and_kept(machine, tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(BadInput, match="no sweep"):
-        sweep(machine, {"bore": [0.12]}, ["swept_volume"], out=tmp_path)
+        sweep(machine, {"bore_at_displacement": [0.12]}, ["swept_volume"], out=tmp_path)
     assert os.listdir(tmp_path) == ["letter.txt"]
     with pytest.raises(BadInput, match="store of a sweep"):
         open_sweep(tmp_path)
@@ -434,26 +448,29 @@ def test_another_function_of_the_same_name_is_another_sweep(machine, tmp_path):
         exec(f"def one(found): return {factor} * found.design.compressor.mechanism.bore", space)
         return space["one"]
 
-    sweep(machine, {"bore": [0.12]}, [made(2.0)], out=tmp_path / "out")
-    sweep(machine, {"bore": [0.12]}, [made(2.0)], out=tmp_path / "out")
+    sweep(machine, {"bore_at_displacement": [0.12]}, [made(2.0)], out=tmp_path / "out")
+    sweep(machine, {"bore_at_displacement": [0.12]}, [made(2.0)], out=tmp_path / "out")
     with pytest.raises(BadInput, match="quantities one"):
-        sweep(machine, {"bore": [0.12]}, [made(3.0)], out=tmp_path / "out")
+        sweep(machine, {"bore_at_displacement": [0.12]}, [made(3.0)], out=tmp_path / "out")
 
 
 BAD = {
     "no variable": ({"over": {}}, "over"),
     "unknown variable": ({"over": {"boar": [1.0]}}, "boar"),
     "out of bounds": (
-        {"over": {"bore": [-0.1, 0.1]}},
-        "`bore` must be > 0 and <= 10 m, but is -0.1",
+        {"over": {"bore_at_displacement": [-0.1, 0.1]}},
+        "`bore_at_displacement` must be > 0 and <= 10 m, but is -0.1",
     ),
-    "repeated": ({"over": {"bore": [0.1, 0.1]}}, "without repeated"),
-    "not finite": ({"over": {"bore": [0.1, np.nan]}}, "finite"),
-    "distribution": ({"over": {"bore": uniform(0.1, 0.2)}}, "samples"),
-    "list": ({"over": {"bore": [0.1]}, "samples": 4}, "uniform.*is a list of values"),
-    "samples": ({"over": {"bore": uniform(0.1, 0.2)}, "samples": 0}, "samples"),
+    "repeated": ({"over": {"bore_at_displacement": [0.1, 0.1]}}, "without repeated"),
+    "not finite": ({"over": {"bore_at_displacement": [0.1, np.nan]}}, "finite"),
+    "distribution": ({"over": {"bore_at_displacement": uniform(0.1, 0.2)}}, "samples"),
+    "list": (
+        {"over": {"bore_at_displacement": [0.1]}, "samples": 4},
+        "uniform.*is a list of values",
+    ),
+    "samples": ({"over": {"bore_at_displacement": uniform(0.1, 0.2)}, "samples": 0}, "samples"),
     "sampling": (
-        {"over": {"bore": uniform(0.1, 0.2)}, "samples": 4, "sampling": "halton"},
+        {"over": {"bore_at_displacement": uniform(0.1, 0.2)}, "samples": 4, "sampling": "halton"},
         "sobol, latin_hypercube, random",
     ),
     "unknown quantity": ({"quantities": ["speed"]}, "speed"),
@@ -469,7 +486,12 @@ def test_bad_input_is_refused_by_name(machine, case):
     changed, words = BAD[case]
     with pytest.raises(BadInput, match=words):
         sweep(
-            **{"scene": machine, "over": {"bore": [0.12]}, "quantities": ["swept_volume"]} | changed
+            **{
+                "scene": machine,
+                "over": {"bore_at_displacement": [0.12]},
+                "quantities": ["swept_volume"],
+            }
+            | changed
         )
 
 
@@ -613,7 +635,7 @@ def test_quantity_without_a_better_side_has_no_ridge():
 @pytest.mark.parametrize(
     ("name", "unit", "value", "text"),
     [
-        ("bore", "m", 0.13, "130 mm"),
+        ("bore_at_displacement", "m", 0.13, "130 mm"),
         ("film.clearance", "m", 12e-6, "12 µm"),
         ("motor.mean_speed", "rad/s", 1000 * RPM, "1000 rpm"),
         ("mechanical_efficiency", "", 0.911, "91.1 %"),
@@ -636,7 +658,7 @@ def test_a_copied_store_opens_elsewhere(small, tmp_path):
     shutil.move(out, tmp_path / "moved")
     plain = xarray.open_zarr(tmp_path / "moved", consolidated=False, chunks=None)
     np.testing.assert_array_equal(plain.mechanical_efficiency, small.mechanical_efficiency)
-    np.testing.assert_array_equal(plain.bore, small.bore)
+    np.testing.assert_array_equal(plain.bore_at_displacement, small.bore_at_displacement)
 
 
 def test_samples_of_a_problem_lie_within_its_ranges():
@@ -656,6 +678,10 @@ def test_samples_of_a_problem_lie_within_its_ranges():
 
 
 def test_a_problem_shows_its_variables_ranges_and_quantities():
-    made = problem(load("mayekawa-wbhe"), {"bore": (0.1, 0.16)}, ["motor_power"])
-    lines = ["Problem", "  variable  bore, 100 mm to 160 mm", "  quantity  motor_power [W]"]
+    made = problem(load("mayekawa-wbhe"), {"bore_at_displacement": (0.1, 0.16)}, ["motor_power"])
+    lines = [
+        "Problem",
+        "  variable  bore_at_displacement, 100 mm to 160 mm",
+        "  quantity  motor_power [W]",
+    ]
     assert repr(made).splitlines() == lines

@@ -35,7 +35,7 @@ _CONTRADICTION = 0.03
 # [K] Gas that is hotter, or liquid that is colder, comes to no compressor.
 _MOST_SUPERHEAT, _MOST_SUBCOOLING = 200.0, 100.0
 # Numbers that change what the pistons displace.
-_OF_DISPLACEMENT = ("mechanism.", "bore", "stroke", "crankshaft.")
+_OF_DISPLACEMENT = ("mechanism.", "similar_swept_volume", "crankshaft.")
 # Speeds closer together than this are one.
 _SAME_SPEED = 1e-3
 

@@ -109,7 +109,7 @@ def sweep(
         ConnectionError: the scheduler of the cluster was lost.
 
     >>> from jaxcomp import load
-    >>> grid = {"bore": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # [m], [rad/s]
+    >>> grid = {"bore_at_displacement": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # SI
     >>> found = sweep(load("mayekawa-wbhe"), grid, ["mechanical_efficiency"], progress=False)
     >>> print((100 * found.mechanical_efficiency.values).round(1))
     [[92.5 91.3 89.7]

@@ -186,7 +186,9 @@ def scatter_of(
         BadInput: no tolerance, an unknown name, or correlations that no deviations can have.
     """
     if not tolerances:
-        raise BadInput("tolerances", "none", 'at least one, such as {"bore": within(2e-5)}')
+        raise BadInput(
+            "tolerances", "none", 'at least one, such as {"bore_at_displacement": within(2e-5)}'
+        )
     _check_kinds(tolerances)
     names = list(tolerances)
     wanted, latent = np.eye(len(names)), np.eye(len(names))
