@@ -1,4 +1,4 @@
-"""Where the electric power of a compressor with valves goes."""
+"""Where the electric power of a compressor with valves goes: its uses, and the heat that it becomes."""
 
 from collections.abc import Iterator
 
@@ -8,6 +8,8 @@ from jaxtyping import Array, Float
 
 from .._core.results import Data, Result
 from ..compressor import Compressor
+from ..cylinder import Cycle, Cylinder
+from ..cylinder.interface import SeveralCycles
 from ._orbit import Orbit
 
 # What the power of a compressor with valves is spent on.
@@ -32,6 +34,11 @@ class Performance(Result, eqx.Module):
         overall_efficiency: [-] isentropic power, from the gas that comes to the compressor to the
             pressure of the discharge line, over electric power.
         power: [W] by what it is spent on; the values add up to the electric power.
+        heat: [W] by where it goes; the balance of energy of the whole machine. `refrigerant` is the mass
+            flow times the rise of the enthalpy from the gas that comes to the gas behind the discharge
+            valve, less what a law of warming takes from that. `surroundings` has the losses that do not
+            warm the gas, what the gas gives to the wall, and the heat that leaked gas brings back, less
+            a constant `heating`; negative where the shell has to be warmed.
         orbit: where the rest stands.
     """
 
@@ -39,6 +46,7 @@ class Performance(Result, eqx.Module):
     motor_efficiency: Float[Array, ""]
     overall_efficiency: Float[Array, ""]
     power: dict[str, Float[Array, ""]]
+    heat: dict[str, Float[Array, ""]]
     orbit: Orbit
 
     def described(self) -> Iterator[Data]:
@@ -50,12 +58,37 @@ class Performance(Result, eqx.Module):
             yield Data("cop", "", self.cop)
         for cause, value in self.power.items():
             yield Data(f"power_use.{cause}", "W", value)
+        for place, value in self.heat.items():
+            yield Data(f"heat_to.{place}", "W", value)
+        yield Data("heat_closure", "", self.heat_closure)
 
     @property
     def cop(self) -> Float[Array, ""]:
         """[-] Cooling capacity over electric power."""
         assert self.orbit.cycle is not None
         return self.orbit.cycle.capacity / self.electric_power
+
+    @property
+    def heat_closure(self) -> Float[Array, ""]:
+        """[-] Electric power that neither refrigerant nor surroundings gain as heat, over itself.
+
+        The errors of the cycle's energy and of the gas's work on the crank's panels; 1e-10 as a rule.
+        """
+        power = self.electric_power
+        return (power - sum(self.heat.values(), start=jnp.zeros(()))) / (power + (power == 0))
+
+
+def electric_power(compressor: Compressor, orbit: Orbit) -> Float[Array, ""]:
+    """[W] Of the motor of a solved orbit; its shaft power where it has no `losses`."""
+    losses, shaft = compressor.motor.losses, orbit.motor_power
+    if losses is None:
+        return shaft
+    return shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
+
+
+def flow_of_gas(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
+    """[kg/s] delivered, above zero so that heat can be taken over it."""
+    return jnp.maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
 
 
 def performance(compressor: Compressor, orbit: Orbit) -> Performance:
@@ -65,7 +98,7 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
         compressor: whose gas is a `Cylinder`.
         orbit: its periodic state.
     """
-    cycle, losses = orbit.cycle, compressor.motor.losses
+    cycle = orbit.cycle
     assert cycle is not None
     work, case = cycle.work_losses, cycle.case
     isentropic = work["isentropic"] * cycle.frequency
@@ -76,9 +109,7 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
         before, isentropic = isentropic, cycle.mass_flow * rise
         before -= isentropic
     shaft = orbit.motor_power
-    electric = shaft
-    if losses is not None:
-        electric = shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
+    electric = electric_power(compressor, orbit)
     efficiency = shaft / (electric + (electric == 0))
     valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
     known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
@@ -87,4 +118,49 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     # and what the energy of the orbit leaves open counts as friction
     shares = (*known, rest, shaft - orbit.gas_power, electric - shaft)
     overall = isentropic / (electric + (electric == 0))
-    return Performance(electric, efficiency, overall, dict(zip(POWER, shares, strict=True)), orbit)
+    return Performance(
+        electric_power=electric,
+        motor_efficiency=efficiency,
+        overall_efficiency=overall,
+        power=dict(zip(POWER, shares, strict=True)),
+        heat=_heat(compressor, cycle, electric - orbit.gas_power),
+        orbit=orbit,
+    )
+
+
+def _heat(
+    compressor: Compressor, cycle: Cycle | SeveralCycles, loss
+) -> dict[str, Float[Array, ""]]:
+    """[W] Heat by where it goes, of a machine with losses [W] of motor and friction.
+
+    Every part is summed by itself, so that they add up to the electric power only where the gas keeps
+    its energy and a law of warming is met.
+    """
+    case, gas = cycle.case, compressor.gas
+    law = gas.suction.warming if isinstance(gas, Cylinder) else None
+    gained = cycle.totals.discharge_heat - cycle.totals.discharge * case.comes.h
+    refrigerant = gained * cycle.frequency
+    if law is None:
+        warmed = cycle.mass_flow * (case.suction.h - case.comes.h)
+    else:
+        hot = cycle.discharge_temperature
+        refrigerant -= law.from_discharge(case.comes, hot, flow_of_gas(cycle))
+        warmed = law.loss_share * loss
+    from_gas = _heat_of_leakage(cycle) + _heat_of_back_flow(cycle) - cycle.totals.heat
+    return {
+        "refrigerant": refrigerant,
+        "surroundings": loss + from_gas * cycle.frequency - warmed,
+    }
+
+
+def _heat_of_leakage(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
+    """[J] Enthalpy of the gas that leaks past the piston, over that with which it is drawn again."""
+    return cycle.totals.leakage_heat - cycle.totals.leakage * cycle.case.suction.h
+
+
+def _heat_of_back_flow(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
+    """[J] Enthalpy of the gas that goes back to the suction line, over that with which it is drawn again.
+
+    With plenums, less what their gas takes from the wall or is held at a temperature by.
+    """
+    return cycle.totals.suction * cycle.case.suction.h - cycle.totals.suction_heat

@@ -11,7 +11,7 @@ from .._core.fields import replaced
 from ..compressor import Compressor
 from ..cylinder import Cylinder, SuctionWarming
 from ._orbit import Orbit
-from ._performance import performance
+from ._performance import electric_power, flow_of_gas
 
 # [K] At the beginning, where the line says nothing.
 _FIRST = 15.0
@@ -59,8 +59,8 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     gas = here.gas
     assert isinstance(gas, Cylinder)
     comes = cycle.case.comes
-    flow = jnp.maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
-    loss = performance(here, orbit).electric_power - orbit.gas_power
+    flow = flow_of_gas(cycle)
+    loss = electric_power(here, orbit) - orbit.gas_power
     heat = law.heat(comes, cycle.discharge_temperature, flow, loss)
     heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
     return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T

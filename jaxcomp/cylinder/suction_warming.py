@@ -41,6 +41,11 @@ class SuctionWarming(Part):
             mass_flow: [kg/s]
             loss: [W] of motor and friction.
         """
+        delivered = self.from_discharge(comes, discharge_temperature, mass_flow)
+        return delivered + self.loss_share * loss
+
+    def from_discharge(self, comes: GasState, discharge_temperature, mass_flow) -> Float[Array, ""]:
+        """[W] The part of `heat` that the gas delivered gives; arguments as there."""
         flow = mass_flow * comes.c_p
         share = -jnp.expm1(-self.discharge_conductance / flow)
-        return flow * (discharge_temperature - comes.T) * share + self.loss_share * loss
+        return flow * (discharge_temperature - comes.T) * share

@@ -18,9 +18,11 @@ LAW = 0.01, 0.1  # [W/K], [-]
 SOLVER = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=48, nodes=6))
 
 
-def warmed(motor=ConstantSpeed):
+def warmed(motor=ConstantSpeed, leakage=None):
     gas = golden("D")
-    gas = eqx.tree_at(lambda g: (g.heat, g.leakage), gas, (None, None), is_leaf=lambda x: x is None)
+    gas = eqx.tree_at(
+        lambda g: (g.heat, g.leakage), gas, (None, leakage), is_leaf=lambda x: x is None
+    )
     law = SuctionWarming(*LAW)
     gas = eqx.tree_at(lambda g: g.suction.warming, gas, law, is_leaf=lambda x: x is None)
     machine = load("r134a-7cc").machine.as_compressor()

@@ -1,0 +1,83 @@
+"""Energy of the whole machine: its electric power is what refrigerant and surroundings gain as heat."""
+
+import dataclasses
+
+import pytest
+from crank.test_warming import SOLVER, warmed
+from cylinder.test_transient_valves import BEHIND, MUFFLER, with_plenums
+
+from jaxcomp import load, solve_orbit
+from jaxcomp.crank import performance
+from jaxcomp.cylinder import LaminarGap, WallNetwork
+
+# The iteration of the rise stops at 1e-10 of 100 K, of 5 to 60 K here; without a law the cycle's own
+# balance is left, 1e-10 on the panels of these machines.
+CLOSED = 1e-8
+
+
+def balance_of(machine, *solver):
+    orbit = solve_orbit(machine, *solver)
+    assert orbit.converged
+    return orbit, performance(machine, orbit)
+
+
+def heat_brought_back(orbit):
+    """[W] That gas brings back to the suction line, past the piston and through the valve."""
+    totals, line = orbit.cycle.totals, orbit.cycle.case.suction.h
+    leaked = totals.leakage_heat - totals.leakage * line
+    back = totals.suction * line - totals.suction_heat
+    return (leaked + back) * orbit.cycle.frequency
+
+
+def work_left(orbit, answer):
+    """[-] By which crank and cylinder differ in the work on the gas: 1e-6 on the panels here."""
+    left = float((orbit.gas_power - orbit.cycle.indicated_power) / answer.electric_power)
+    assert abs(left) < 1e-5
+    return left
+
+
+def test_power_becomes_heat_with_a_constant_rise_leakage_and_a_warm_wall():
+    machine = load("r134a-7cc").machine.as_compressor()
+    orbit, answer = balance_of(machine)
+    assert abs(answer.heat_closure) < CLOSED
+    case, cycle = orbit.cycle.case, orbit.cycle
+    left = case.cylinder.fluid.state(
+        cycle.discharge_temperature,
+        case.cylinder.fluid.density(cycle.discharge_temperature, case.discharge.p),
+    )
+    gained = cycle.mass_flow * (left.h - case.comes.h)
+    assert float(answer.heat["refrigerant"]) == pytest.approx(float(gained), rel=1e-9)
+    # 1.8 W that leaked gas brings back would be missing
+    assert 1.5 < float(heat_brought_back(orbit)) < 2.5
+
+
+def test_power_becomes_heat_with_a_law_of_warming_and_leakage():
+    machine = warmed(leakage=LaminarGap(1.5e-5, 12e-3, 1.9e-5))
+    orbit, answer = balance_of(machine, SOLVER)
+    assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
+    law, loss = machine.gas.suction.warming, answer.electric_power - orbit.gas_power
+    # the shell has what is left of the losses, and what gas brings back
+    rest = answer.heat["surroundings"] - (1 - law.loss_share) * loss
+    back = heat_brought_back(orbit)
+    assert float(rest) == pytest.approx(float(back), rel=1e-9)
+    assert float(back) > 0.01 * float(answer.electric_power)
+
+
+# a minute of compilation each
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    ["r600a-8cc", "r290-6cc", "mayekawa-wbhe-r22", "carlyle-06dm313", "danfoss-vtz038-g"],
+)
+def test_power_of_bundled_machines_becomes_heat(name):
+    _, answer = balance_of(load(name).machine.as_compressor())
+    assert abs(answer.heat_closure) < CLOSED
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_power_becomes_heat_with_plenums_and_a_wall_network():
+    machine, gas = warmed(), with_plenums(MUFFLER[:1], BEHIND)
+    walls = WallNetwork(350.0, 0.2, suction_conductance=0.1, discharge_conductance=0.3)
+    machine = dataclasses.replace(machine, gas=dataclasses.replace(gas, walls=walls))
+    orbit, answer = balance_of(machine, SOLVER)
+    assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
