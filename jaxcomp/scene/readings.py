@@ -22,12 +22,13 @@ from typing import Any
 import numpy as np
 
 from .._core.words import did_you_mean
+from ..fluid import RealGas
 from ..study import Identification, Readings, design_rules
 from ..study.interface import MEASURED, CommonFactor, list_length, terms_of, varied
 from ..study.rating import RATINGS, ZERO, Rating
 from ._change import with_machine
 from ._columns import Columns
-from ._scene import Scene
+from ._scene import Scene, scene_of
 from ._settings import (
     bare_name,
     known_name,
@@ -337,6 +338,8 @@ def _bends(what: str, value, warmer, hotter, S, D) -> Iterator[str]:
 def identified_scene(scene: Scene, found: Identification) -> Scene:
     """The scene with the identified values; each says where it comes from and how sure it is.
 
+    Its description says what it was identified from and what that began with.
+
     Args:
         scene: that was identified.
         found: the result.
@@ -356,4 +359,12 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         if float(found.prior_share[n]) > 0.9:
             source = f"prior, of which {found.source} says nothing"
         scene = with_machine(scene, one.apply(scene.machine, found.estimate[n]), source)
-    return scene
+    # the description of the file that it began with holds no longer
+    words = f"Identified from {found.source}, beginning with {scene.name}"
+    gas = None if scene.machine.compressor is None else scene.machine.compressor.gas
+    fluid = getattr(gas, "fluid", None)
+    if isinstance(fluid, RealGas):
+        words += f", with {fluid.name}"
+    document = scene.document | {"description": words}
+    corrections = scene.machine.corrections
+    return scene_of(document, scene.file, text=scene.text, corrections=corrections)

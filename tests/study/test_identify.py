@@ -13,9 +13,11 @@ from jaxcomp.cli._app import app
 from jaxcomp.cylinder import SuctionWarming
 from jaxcomp.fluid import RealGas
 from jaxcomp.machine import machine_of
+from jaxcomp.scene import dump, loads, with_value
 from jaxcomp.scene.readings import identified_scene
 from jaxcomp.study import RECIPE, Parameter, Readings, fit, identify, map_recipe
 from jaxcomp.study.identification._notes import law_of_speed, notes_of
+from jaxcomp.study.identification._parameter_words import in_words, with_path
 from jaxcomp.study.interface import varied, with_own_factors
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
@@ -182,6 +184,44 @@ def test_a_machine_is_found_again_from_its_own_map(machine):
     assert "identified from made.csv" in again.text or "identified from made.csv" in str(
         again.document
     )
+
+
+def test_an_identified_machine_says_what_it_is_and_no_longer_what_it_began_as():
+    template = load("semi-hermetic-200cc")
+    found = SimpleNamespace(
+        parameters=(CLEARANCE,),
+        constants=1,
+        estimate=[0.04],
+        standard_error=[0.002],
+        prior_share=[0.3],
+        units=("",),
+        source="map.csv",
+    )
+    scene = with_value(template, "gas.fluid.name", "R134a")
+    identified = identified_scene(scene, found)
+    words = "Identified from map.csv, beginning with semi-hermetic-200cc, with R134a"
+    assert identified.description == words
+    assert loads(dump(identified)).description == words
+    assert "unknown valves" not in identified.description
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("gas.suction_valve.flow_coefficient", "flow coefficient of the suction valve"),
+        ("gas.*_valve.stop", "stop of both valves"),
+        ("gas.clearance_ratio", "clearance"),
+        ("rotor.shafts.3.young_modulus", "rotor.shafts.3.young_modulus"),
+    ],
+)
+def test_constants_go_by_the_words_of_an_engineer(path, words):
+    assert in_words(path) == words
+
+
+def test_every_constant_of_the_recipe_has_words():
+    for path in RECIPE:
+        assert in_words(path) != path
+        assert with_path(path).endswith(f" ({path})")
 
 
 def at_speeds(speeds, **values):

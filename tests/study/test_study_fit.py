@@ -97,6 +97,19 @@ def test_the_weakest_direction_in_words(found):
     assert weakest.effect == pytest.approx(0.1 / 0.888633 * 34.3136, rel=0.1)
 
 
+def test_of_a_weak_direction_of_many_parameters_three_are_told():
+    """Two sums of eight parameters are all that is measured, so that any may stand for others."""
+    names = [f"p{n}" for n in range(8)]
+    parameters = tuple(Parameter(name, 0.1, 10.0, 1.0) for name in names)
+    weights = jnp.arange(1.0, 9.0)
+    model = of(lambda p: jnp.repeat(jnp.stack([weights @ p, weights @ p**2]), 4))
+    direction = fit(model, parameters, np.full(8, 36.0), np.full(8, 0.1)).directions[-1]
+    assert direction.unidentifiable
+    told = [name for name in names if f"{name} " in direction.words]
+    assert len(told) <= 3
+    assert direction.words.endswith(" others by less")
+
+
 def test_a_prior_is_a_reading_of_the_parameter():
     known = Parameter("n", 1.01, 1.6, 1.2, 1.15, 0.02, log=False)
     found = fit(MODEL, (UNKNOWN[0], known, UNKNOWN[2]), MEASURED, SD)

@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._least_squares import LeastSquares, Parameter
+from ._parameter_words import in_words
 
 # What a combination of parameters moves chi-square by over its whole range, below which it is weak.
 _WEAK = 1.0
 # Singular value over the largest, below which nothing tells a combination.
 _UNIDENTIFIABLE = 1e-8
-# Entries of a direction that are named, over its largest.
-_NAMED = 0.05
+# Entries of a direction that are named, over its largest, and how many of them: nobody reads ten.
+_NAMED, _MOST_NAMED = 0.05, 3
 
 
 class Direction(NamedTuple):
@@ -24,7 +25,7 @@ class Direction(NamedTuple):
         entries: of the combination, one a parameter, in t; of unit length.
         weak: whether a move over the whole prior or range changes chi-square by less than 1.
         unidentifiable: whether nothing tells it.
-        words: such as "c up 10 % with n up 4.3 % and f down 2.8 %".
+        words: such as "c up 10 % with n up 4.3 % and f down 2.8 %", of its three largest entries.
         effect: [-] change of all residuals together, in standard deviations, at that finite move.
     """
 
@@ -67,14 +68,18 @@ def directions_of(problem: LeastSquares, t: NDArray, slope: NDArray) -> Iterator
 
 
 def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
-    """A move in t in words, the largest first."""
+    """A move in t in words: the largest first, and how many others go along."""
     size = np.abs(move / [1.0 if one.log else one.reach for one in parameters])
+    order = np.argsort(-size, kind="stable")
+    told = [n for n in order if size[n] >= _NAMED * size.max()]
     parts = []
-    for n in np.argsort(-size, kind="stable"):
-        if size[n] < _NAMED * size.max():
-            break
-        one, way = parameters[n], "up" if move[n] > 0 else "down"
-        amount = f"{100 * abs(move[n]):.2g} %" if one.log else f"{abs(move[n]):.2g} {one.unit}"
-        parts.append(f"{one.name} {way} {amount.strip()}")
+    for n in told[:_MOST_NAMED]:
+        parameter, way = parameters[n], "up" if move[n] > 0 else "down"
+        amount = f"{abs(move[n]):.2g} {parameter.unit}".strip()
+        if parameter.log:
+            amount = f"{100 * abs(move[n]):.2g} %"
+        parts.append(f"{in_words(parameter.name)} {way} {amount}")
     first, rest = parts[0], parts[1:]
-    return first + (f" with {' and '.join(rest)}" if rest else "")
+    words = first + (f" with {' and '.join(rest)}" if rest else "")
+    others = len(told) - len(parts)
+    return words + (f", and {others} others by less" if others else "")

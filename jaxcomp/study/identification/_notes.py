@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ._fit import Fit
 from ._measurement import Entries
+from ._parameter_words import with_path
 from ._reading_model import ReadingModel
 
 # Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
@@ -42,15 +43,16 @@ def _of_parameters(found: Fit) -> Iterator[str]:
     """Parameters and combinations that the readings do not tell."""
     for one, held in zip(found.parameters, found.at_bound, strict=True):
         if held:
-            yield f"{one.name} is held by its bound: it is not identified, its error means nothing"
+            name = with_path(one.name)
+            yield f"{name} is held by its bound: it is not identified, its error means nothing"
     for one, share in zip(found.parameters, found.prior_share, strict=True):
         if share > _SAY_NOTHING:
-            yield f"the readings say nothing of {one.name}: it stays at its prior"
+            yield f"the readings say nothing of {with_path(one.name)}: it stays at its prior"
     used = found.weight > 0
     silent = np.abs(found.slope[used]).max(axis=0, initial=0.0)
     for one, most in zip(found.parameters, silent, strict=True):
         if most == 0:
-            yield f"{one.name} touches nothing that was measured"
+            yield f"{with_path(one.name)} touches nothing that was measured"
     for one in found.directions:
         if one.unidentifiable or one.weak:
             what = "cannot be told" if one.unidentifiable else "is hardly told"
