@@ -191,11 +191,33 @@ def rounded(value: float, digits: int) -> str:
     return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
 
 
-def behind(texts: Sequence[str]) -> list[int]:
-    """Characters that numbers without units need behind them, for the points to stand in a column."""
-    if not all(re.fullmatch(r"([<+±-]?[\d,]+(\.\d+)?)?", text) for text in texts):
-        return [0] * len(texts)
-    after = [len(text) - text.find(".") if "." in text else 0 for text in texts]
-    return [
-        max(after, default=0) - one if text else 0 for one, text in zip(after, texts, strict=True)
-    ]
+_ALIGNED = re.compile(
+    r"[<+±-]?[\d,]*\d(?P<decimals>\.\d+)?(?P<power>e[+-]\d+)?(?P<unit> ?[^\s\d]\S*)?"
+)
+
+
+def behind(texts: Sequence[str]) -> list[str]:
+    """What numbers lack behind them for the points to stand in a column: as wide, and never to be read.
+
+    All numbers must have the same unit, or none; otherwise they stay as they are, as texts do.
+
+    >>> behind(["74.8", "6.079", "0", ""])
+    ['00', '', '.000', '']
+    >>> behind(["5.6 kW", "12 kW"])
+    ['', '.0']
+    """
+    matches = [_ALIGNED.fullmatch(text) for text in texts]
+    numbers = [match for match in matches if match is not None]
+    units = {match["unit"] for match in numbers}
+    if len(numbers) < sum(map(bool, texts)) or len(units) > 1:
+        return [""] * len(texts)
+    longest = max((match["decimals"] or "" for match in numbers), key=len, default="")
+    power = max((match["power"] or "" for match in numbers), key=len, default="")
+
+    def lacking(match: re.Match | None) -> str:
+        if match is None:
+            return ""
+        decimals = match["decimals"] or ""
+        return longest[len(decimals) :] + power[len(match["power"] or "") :]
+
+    return [re.sub(r"\d", "0", lacking(match)) for match in matches]

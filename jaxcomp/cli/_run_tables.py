@@ -152,8 +152,8 @@ def _shaking(result: dict[str, Any]):
         for order in forces
     ]
     if scales[0] > 0:
-        heads = ("Shaking, by order", ("Force, N", ".4g"), ("Couple, N m", ".4g"))
-        yield row_table(None, heads, rows)
+        heads = ("Order", ("Force, N", ".4g"), ("Couple, N m", ".4g"))
+        yield row_table("Shaking, by order", heads, rows)
 
 
 def _reversals(rods: dict[str, dict[str, float]]):

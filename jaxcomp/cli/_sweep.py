@@ -226,7 +226,7 @@ def sweep_tables(found, result: dict[str, Any]):
         names = [*result["variables"], *result["quantities"]]
         looks = [jc.study.sweep.interface.shown_column(found, name) for name in names]
         rows = zip(*(found[name].values.tolist() for name in names), strict=True)
-        yield _numbers(looks, (map(_cell, looks, row) for row in rows))
+        yield _numbers("Designs", looks, (map(_cell, looks, row) for row in rows))
     for name, entry in result["quantities"].items():
         if entry["best_curve"] is not None and len(entry["best_curve"]["points"]) <= _ROWS:
             yield _curve_table(found, name, entry["best_curve"])
@@ -290,11 +290,12 @@ def _curve_table(found, name, curve):
         best += " (end of the range)" if point["best"] in ends else ""
         rows.append((_cell(across, point["across"]), best, _cell(value, point["value"])))
     best = along._replace(words=f"Best {along.words[:1].lower()}{along.words[1:]}")
-    return _numbers((across, best, value), rows)
+    title = f"{best.words}, by {across.words[:1].lower()}{across.words[1:]}"
+    return _numbers(title, (across, best, value), rows)
 
 
-def _numbers(looks, rows):
-    table = row_table(None, [look.label for look in looks], map(tuple, rows))
+def _numbers(title: str, looks, rows):
+    table = row_table(title, [look.label for look in looks], map(tuple, rows))
     table.columns[0].justify = "right"
     return table
 

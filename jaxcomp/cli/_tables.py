@@ -201,8 +201,8 @@ def _pointed(column: Column) -> list[Text]:
     """The cells of a column; numbers with spaces behind them that put their points in line."""
     cells = [Text.from_markup(str(cell)) for cell in column.cells]
     if column.justify == "right":
-        for cell, count in zip(cells, behind([cell.plain for cell in cells]), strict=True):
-            cell.pad_right(count)
+        for cell, lacking in zip(cells, behind([cell.plain for cell in cells]), strict=True):
+            cell.pad_right(len(lacking))
     return cells
 
 

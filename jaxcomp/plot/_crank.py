@@ -107,8 +107,10 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     count = compressor.crankshaft.count
     of_all = "" if count == 1 else f" of {count} cylinders"
     work = f"Work on the gas{of_all}\n{float(orbit.energy.gas_work):.4g} J per revolution"
-    ax.text(0.5, 0.42, work, transform=ax.transAxes, ha="center", fontsize=9, color=style.INK)
-    style.legend(ax, loc="upper right")
+    place = style.free_place(ax, (0.5, 0.45))
+    look = {"ha": "center", "va": "center", "fontsize": 9, "color": style.INK}
+    ax.text(*place, work, transform=ax.transAxes, **look)
+    style.legend(ax)
     return figure
 
 

@@ -14,6 +14,8 @@ from ..fluid import RealGas
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
 
+# Points of an indicator diagram beside the nodes of the solver.
+_SAMPLES = 720
 _SUCTION, _DISCHARGE, _GAS = style.colour("suction"), style.colour("discharge"), "#444444"
 
 
@@ -39,7 +41,7 @@ def cylinder_figures(
 def valve_losses(cycle: Cycle) -> Figure:
     """Pressure over volume; shaded is the work that the valves cost."""
     case, losses = cycle.case, cycle.work_losses
-    volume, pressure = np.asarray(cycle.volume) * 1e6, np.asarray(cycle.pressure) / 1e5
+    volume, pressure, lifts = _fine_diagram(cycle)
     figure, ax = style.single((6.8, 4.4), "Indicator diagram and losses of the valves")
     ax.plot(
         *(np.append(curve, curve[0]) for curve in (volume, pressure)), color=_GAS, linewidth=1.6
@@ -49,16 +51,31 @@ def valve_losses(cycle: Cycle) -> Figure:
         ("discharge", case.discharge.p, _DISCHARGE, -1),
     )
     for number, (name, line, tint, sign) in enumerate(lines):
-        line = float(line) / 1e5
-        lost = (np.asarray(cycle.lift[number]) > 0) & (sign * (line - pressure) > 0)
+        line = float(line) / 1e6
+        lost = (lifts[number] > 0) & (sign * (line - pressure) > 0)
         label = f"{style.words(name)} valve, {float(losses[f'{name} valve']):.3g} J"
         ax.fill_between(volume, line, pressure, where=lost, color=tint, alpha=0.35, linewidth=0,
                         label=label)  # fmt: skip
         ax.axhline(line, color=tint, linewidth=0.9, linestyle="--")
-    ax.set(xlim=(0, None), ylim=(0, None), xlabel="Volume, cm³", ylabel="Pressure, bar")
+    ax.set(xlim=(0, None), ylim=(0, None), xlabel="Volume, cm³", ylabel="Pressure, MPa")
     work = float(cycle.indicated_work)
     style.legend(ax, title=f"of {work:.4g} J per revolution", title_fontsize=8.5)
     return figure
+
+
+def _fine_diagram(cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """[cm^3], [MPa] (n,) and [m] (2, n) Volume, pressure and lifts, as smooth as they are.
+
+    The nodes of the solver are chords apart that one sees where the gas expands again.
+    """
+    even = jnp.linspace(-jnp.pi, jnp.pi, _SAMPLES, endpoint=False)
+    nodes = (cycle.angle + jnp.pi) % (2 * jnp.pi) - jnp.pi
+    angle = jnp.sort(jnp.concatenate([even, nodes]))
+    volume, _ = jax.vmap(cycle.case.volume)(angle)
+    lifts = np.stack([cycle.lift_at(angle, discharge) for discharge in (False, True)])
+    # within the rounding of its polynomials a plate that is shut lifts nothing
+    lifts[lifts < 1e-9 * lifts.max(initial=0.0)] = 0.0
+    return np.asarray(volume) * 1e6, np.asarray(cycle.pressure_at(angle)) / 1e6, lifts
 
 
 def valve_motion(cycle: Cycle) -> Figure:
@@ -102,9 +119,9 @@ def log_p_h(cycle: Cycle) -> Figure:
     inside = fluid.state(cycle.temperature, cycle.mass / cycle.volume)
     figure, ax = style.single((6.8, 4.8), f"{fluid.name}: pressure over enthalpy")
     h = np.concatenate([liquid.h, vapour.h[::-1]]) / 1e3
-    p = np.concatenate([liquid.p, vapour.p[::-1]]) / 1e5
+    p = np.concatenate([liquid.p, vapour.p[::-1]]) / 1e6
     ax.plot(h, p, color=style.GREY, linewidth=1.2, label="Saturation")
-    h, p = np.append(inside.h, inside.h[0]) / 1e3, np.append(inside.p, inside.p[0]) / 1e5
+    h, p = np.append(inside.h, inside.h[0]) / 1e3, np.append(inside.p, inside.p[0]) / 1e6
     ax.plot(h, p, color=_GAS, linewidth=1.5, label="Gas in the cylinder")
     marks = (
         ("Suction line", case.comes.h, case.comes.p, _SUCTION, "s"),
@@ -113,9 +130,9 @@ def log_p_h(cycle: Cycle) -> Figure:
         ("Discharged gas", cycle.discharge_enthalpy, case.discharge.p, _DISCHARGE, "o"),
     )
     for label, x, y, tint, marker in marks:
-        ax.plot(float(x) / 1e3, float(y) / 1e5, marker, color=tint, markersize=5, label=label)
-    ax.set(yscale="log", xlabel="Enthalpy, kJ/kg", ylabel="Pressure, bar")
-    style.legend(ax, loc="upper left")
+        ax.plot(float(x) / 1e3, float(y) / 1e6, marker, color=tint, markersize=5, label=label)
+    ax.set(yscale="log", xlabel="Enthalpy, kJ/kg", ylabel="Pressure, MPa")
+    style.legend(ax)
     return figure
 
 

@@ -1,11 +1,12 @@
 """One look for all pictures, without touching matplotlib's global state, and what many are made of."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 
 # Colour-blind safe (Okabe and Ito), by joint, torque, valve and axis.
 COLOURS = {
@@ -192,23 +193,106 @@ def turn_curves(
 def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
     """Dots on a closed curve every 45 degrees of crank angle, every other one with its number.
 
-    A number is left out where it would cover another one.
+    Numbers stand beside the curve, and one is left out where its dot is that of another.
 
     Args:
-        ax: plane or polar axes.
+        ax: plane axes of equal scales, or polar ones.
         degrees: crank angle (n,) of the points.
         x, y: (n,) the curve.
         tint: its colour.
     """
-    places = y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y
-    apart, numbered = 0.12 * np.ptp([places.real, places.imag]), []
+    if ax.name != "polar":
+        ax.margins(0.12)  # for numbers beside the ends of the curve
+    places = np.asarray(y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y)
+    points = places * _points_per_unit(ax, places)
+    curve = np.concatenate([points + k / 4 * (np.roll(points, -1) - points) for k in range(4)])
+    centres: list[complex] = []
+    numbered: list[complex] = []
     for mark in (0, 180, 90, 270, 45, 135, 225, 315):
         at = nearest_angle(degrees, mark)
         ax.plot(x[at], y[at], "o", color=tint, markersize=3.2)
-        if mark % 90 == 0 and all(abs(places[at] - other) > apart for other in numbered):
-            numbered.append(places[at])
-            ax.annotate(f"{mark}°", (x[at], y[at]), xytext=(3, 3), color=INK,
-                        textcoords="offset points", fontsize=7.5)  # fmt: skip
+        dot = complex(points[at])
+        if mark % 90 or any(abs(dot - other) < _DOT for other in numbered):
+            continue
+        offset = _offset_beside(curve, dot, centres)
+        numbered.append(dot)
+        centres.append(dot + offset)
+        line = {"arrowstyle": "-", "color": GREY, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2}
+        ax.annotate(f"{mark}°", (x[at], y[at]), xytext=(offset.real, offset.imag), color=INK,
+                    textcoords="offset points", fontsize=7.5, ha="center", va="center",
+                    arrowprops=line if abs(offset) > _NEAR else None)  # fmt: skip
+
+
+# [pt] Half of the size of a number such as 180°, room around it, and the size of a dot.
+_HALF_WIDTH, _HALF_HEIGHT, _ROOM, _DOT = 9.5, 4.5, 2.0, 3.2
+# [pt] Distances of a number from its dot that are tried; beyond the second a thin line joins them.
+_DISTANCES, _NEAR = (10.0, 14.0, 19.0, 25.0, 32.0), 14.5
+
+
+def _points_per_unit(ax: Axes, places: np.ndarray) -> float:
+    """[pt] About as long as one unit of a curve in the complex plane will be drawn."""
+    box = ax.get_window_extent()
+    width, height = box.width * 72 / ax.figure.dpi, box.height * 72 / ax.figure.dpi
+    if ax.name == "polar":
+        return 0.5 * min(width, height) / (1.08 * max(float(np.abs(places).max()), 1e-12))
+    spans = [max(1.1 * float(np.ptp(part)), 1e-12) for part in (places.real, places.imag)]
+    return min(width / spans[0], height / spans[1])
+
+
+def _offset_beside(curve: np.ndarray, dot: complex, centres: Sequence[complex]) -> complex:
+    """[pt] From a dot to the centre of its number, which covers neither the curve nor another number."""
+    turns = np.exp(2j * np.pi * np.arange(16) / 16 + 0.25j * np.pi)
+    best, clear = complex(turns[0]), -np.inf
+    for distance in _DISTANCES:
+        offsets = distance * turns
+        gaps = np.array([_gap(curve, centres, dot + offset) for offset in offsets])
+        widest = int(np.argmax(gaps))
+        if gaps[widest] > clear:
+            best, clear = complex(offsets[widest]), float(gaps[widest])
+        if clear >= _ROOM:
+            break
+    return best
+
+
+def _gap(curve: np.ndarray, centres: Sequence[complex], centre: complex) -> float:
+    """[pt] Between the box of a number and the curve or the boxes of other numbers; 0 if they touch."""
+    away = curve - centre
+    beyond = np.hypot(
+        np.maximum(np.abs(away.real) - _HALF_WIDTH, 0),
+        np.maximum(np.abs(away.imag) - _HALF_HEIGHT, 0),
+    )
+    gaps = [float(beyond.min())]
+    for other in centres:
+        apart = centre - other
+        gaps.append(max(abs(apart.real) - 2 * _HALF_WIDTH, abs(apart.imag) - 2 * _HALF_HEIGHT, 0.0))
+    return min(gaps)
+
+
+# Half of the size of two short lines of text, as parts of the axes, and room around them.
+_HALF_TEXT, _TEXT_ROOM = (0.17, 0.06), 0.02
+
+
+def free_place(ax: Axes, wanted: tuple[float, float]) -> tuple[float, float]:
+    """The place of a short text that covers no line, near to where it is wanted, as parts of the axes.
+
+    Args:
+        ax: with its lines and its limits.
+        wanted: the middle of the text.
+    """
+    lines = [line.get_transform().transform(line.get_xydata()) for line in ax.lines]
+    drawn = ax.transAxes.inverted().transform(np.concatenate(lines))
+    starts, steps = drawn[:-1], np.diff(drawn, axis=0)
+    drawn = np.concatenate([starts + k / 16 * steps for k in range(17)])
+    across, up = np.meshgrid(np.linspace(0.2, 0.8, 25), np.linspace(0.1, 0.75, 27))
+    places = np.stack([across.ravel(), up.ravel()], axis=-1)
+    nearest = np.argsort(np.hypot(*(places - wanted).T))
+    gaps = []
+    for place in places[nearest]:
+        beyond = np.maximum(np.abs(drawn - place) - _HALF_TEXT, 0)
+        gaps.append(float(np.hypot(*beyond.T).min()))
+        if gaps[-1] >= _TEXT_ROOM:
+            return tuple(place)
+    return tuple(places[nearest][int(np.argmax(gaps))])
 
 
 def nearest_angle(degrees, mark: float) -> int:
@@ -274,14 +358,36 @@ def legend(ax: Axes, **options) -> None:
 
 
 def legend_above(ax: Axes) -> None:
-    """A legend in a row above the axes, where no curve can run."""
-    legend(ax, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, borderaxespad=0.2)
+    """A legend in rows above the axes, where no curve can run, each as long as the axes leave room."""
+    room = ax.get_window_extent().width
+    if ax.get_subplotspec() is None or ax.get_subplotspec().is_last_col():
+        room = ax.figure.bbox.width - ax.get_window_extent().x0
+
+    def made(ncols: int) -> Legend:
+        place = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2}
+        legend(ax, ncols=ncols, **place)
+        return ax.get_legend()
+
+    _widest(made, 5, room)
 
 
 def legend_outside(ax: Axes, loc: str, ncols: int) -> None:
     """A legend of these axes at the edge of the figure."""
-    handles = ax.get_legend_handles_labels()
-    ax.figure.legend(*handles, loc=f"outside {loc}", ncols=ncols, frameon=False, fontsize=8.5)
+    figure, handles = ax.get_figure(root=True), ax.get_legend_handles_labels()
+    look = {"loc": f"outside {loc}", "frameon": False, "fontsize": 8.5}
+
+    def made(ncols: int) -> Legend:
+        for before in figure.legends[:]:
+            before.remove()
+        return figure.legend(*handles, ncols=ncols, **look)
+
+    _widest(made, ncols, 0.98 * figure.bbox.width)
+
+
+def _widest(made: Callable[[int], Legend], ncols: int, room: float) -> None:
+    """Make the legend with the most columns, up to a number, that is no wider than its room [px]."""
+    while made(ncols).get_window_extent().width > room and ncols > 1:
+        ncols -= 1
 
 
 def plain_number(value: float, digits: int = 3) -> str:

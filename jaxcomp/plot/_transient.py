@@ -32,8 +32,8 @@ def transient_figure(transient: Transient, name: str, power_off: float | None = 
     )
     above.set_ylabel("Crank speed, rpm")
     if transient.gas is not None:
-        axes[1].plot(time, np.atleast_2d(transient.gas.pressure).T / 1e5, linewidth=0.8)
-        axes[1].set_ylabel("Pressure, bar")
+        axes[1].plot(time, np.atleast_2d(transient.gas.pressure).T / 1e6, linewidth=0.8)
+        axes[1].set_ylabel("Pressure, MPa")
     curves = {
         "motor": ("Motor", energy.motor_work),
         "gas": ("Gas", energy.gas_work),
@@ -71,13 +71,13 @@ def transient_gas_figure(transient: Transient, name: str, power_off: float | Non
     last = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
     time = np.asarray(transient.time)[last]
     figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
-    for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e5, 1):
+    for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e6, 1):
         close.plot(time, course[last], linewidth=1.2, label=f"Cylinder {number}")
     for valve, lift in zip(
         ("Suction", "Discharge"), gas.lift[0] if several else gas.lift, strict=True
     ):
         lifts.plot(time, 1e3 * np.asarray(lift)[last], linewidth=1.2, label=valve)
-    close.set_ylabel("Pressure, bar")
+    close.set_ylabel("Pressure, MPa")
     label = "Lift of the first cylinder, mm" if several else "Lift, mm"
     lifts.set(xlabel="Time, s", ylabel=label)
     if several:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from .._core.display import behind
@@ -28,7 +28,6 @@ _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "warning"
 # A drawing with more lines than this is smaller, and faster to show, as pixels.
 _LARGEST_SVG = 400_000  # bytes
 _DPI = 130
-_DIGIT = "\u2007"  # room as wide as a digit
 
 
 class Provenance(NamedTuple):
@@ -151,30 +150,47 @@ def rich_html(markup: Any) -> str:
 
 
 def _table(table: Table) -> str:
-    title = f"<h3>{rich_html(table.title)}</h3>" if table.title else ""
+    headers = [rich_html(column.header) for column in table.columns]
+    title = rich_html(table.title) if table.title else ""
+    if not title and table.columns and _names_rows(table.columns[0]):
+        # the head of a column of names says what the table is about
+        title, headers[0] = headers[0], ""
+    title = f"<h3>{title}</h3>" if title else ""
     aligned = [f' class="{column.justify}"' for column in table.columns]
-    heads = [
-        f"<th{side}>{rich_html(column.header)}</th>"
-        for side, column in zip(aligned, table.columns, strict=True)
-    ]
+    heads = [f"<th{side}>{header}</th>" for side, header in zip(aligned, headers, strict=True)]
     columns = [list(column.cells) for column in table.columns]
-    ends = [
-        behind([Text.from_markup(str(c)).plain for c in cells]) if column.justify == "right" else []
+    rooms = [
+        _rooms(cells) if column.justify == "right" else [""] * len(cells)
         for column, cells in zip(table.columns, columns, strict=True)
     ]
     body = []
     for number, row in enumerate(table.rows):
         cells = "".join(
-            f"<td{side}>{rich_html(cells[number])}{(end[number] if end else 0) * _DIGIT}</td>"
-            for side, cells, end in zip(aligned, columns, ends, strict=True)
+            f"<td{side}>{rich_html(cells[number])}{room[number]}</td>"
+            for side, cells, room in zip(aligned, columns, rooms, strict=True)
         )
         cells = re.sub(r"(?<=\d) (?=[^\d\s<]\S{0,5}<)", "&nbsp;", cells)  # a number and its unit
         last = ' class="last"' if row.end_section else ""
         body.append(f"<tr{last}>{cells}</tr>")
-    named = any(column.header for column in table.columns)
+    named = any(headers)
     head = f"<thead><tr>{''.join(heads)}</tr></thead>" if named else ""
     caption = f'<p class="faint">{rich_html(table.caption)}</p>' if table.caption else ""
     return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>{caption}"
+
+
+def _names_rows(column: Column) -> bool:
+    """Whether the cells of a column are names of the rows, and no numbers."""
+    texts = [Text.from_markup(str(cell)).plain for cell in column.cells]
+    return any(texts) and not all(re.match(r"[+-]?\d", text) for text in texts if text)
+
+
+def _rooms(cells: Iterable[Any]) -> list[str]:
+    """Room behind the numbers of a column, so that their points stand below each other in any font.
+
+    It is set in the same letters, which are neither shown nor copied with the number.
+    """
+    lacking = behind([Text.from_markup(str(cell)).plain for cell in cells])
+    return [f'<i class="room" data-room="{escape(room)}"></i>' if room else "" for room in lacking]
 
 
 def _flat(result: Mapping[str, Any], above: str = ""):

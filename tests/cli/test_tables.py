@@ -49,18 +49,20 @@ def test_a_table_with_room_stays_a_table():
 
 def test_decimal_points_stand_below_each_other():
     rows = (
-        ("a", "52.4", "5 %", "1258"),
-        ("b", "0.397", "12.5 %", "3.25"),
-        ("c", "<0.01", "", ""),
+        ("a", "52.4", "5 %", "1258", "5 %"),
+        ("b", "0.397", "12.5 %", "3.25", "12.5 W"),
+        ("c", "<0.01", "", "", ""),
     )
-    table = row_table(None, ("Node", "Amplitude", "Share", "Large"), rows)
+    table = row_table(None, ("Node", "Amplitude", "Share", "Large", "Mixed"), rows)
     out = io.StringIO()
     Console(file=out, width=60).print(fitted(table, 60))
     head, _, *lines = [line for line in out.getvalue().splitlines() if line.strip()]
     assert len({line.index(".") for line in lines}) == 1
     assert lines[0].index("1258") + 4 == lines[1].index("3.25") + 1
-    # numbers with units and headers keep to the right
-    assert lines[0].index("%") == lines[1].index("%") == head.index("Share") + 4
+    assert lines[0].index("5 %") == lines[1].index("12.5 %") + 1  # under the 2
+    # numbers with several units and headers keep to the right
+    assert lines[1].index("12.5 %") + 6 == head.index("Share") + 5
+    assert lines[0].rindex("%") == lines[1].index("W") == head.index("Mixed") + 4
     assert head.index("Amplitude") + len("Amplitude") == lines[1].index("0.397") + 5
 
 

@@ -1,7 +1,9 @@
 """Pictures: what they show, and that they leave matplotlib's state alone."""
 
+import io
 import subprocess
 import sys
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +14,16 @@ from jaxcomp._core.display import shown
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._identified import _pairs
 from jaxcomp.plot._rotor import _highest_shown
-from jaxcomp.plot._style import bars, over_turn, plain_number
+from jaxcomp.plot._style import (
+    bars,
+    crank_marks,
+    legend_above,
+    legend_outside,
+    over_turn,
+    plain_number,
+    single,
+)
+from jaxcomp.plot._vibration import shaking_force
 from jaxcomp.scene import load, with_values
 from jaxcomp.vibration import shaking_wrench
 
@@ -229,6 +240,71 @@ def test_a_campbell_diagram_has_room_for_its_modes():
     both = np.array([[20.0, 40.0, 60.0, 80.0, 3000.0]] * 2)
     assert _highest_shown(both, spin) == pytest.approx(1.3 * 2 * spin)
     assert _highest_shown(np.full((2, 3), np.nan), spin) == pytest.approx(1.3 * 2 * spin)
+
+
+def covered(ax, line, words="°"):
+    """Texts with some words, as numbers of crank angles have, whose boxes cover a curve as drawn."""
+    ax.figure.savefig(io.BytesIO(), format="png")
+    points = ax.transData.transform(line.get_xydata())
+    points = np.concatenate(
+        [points + k / 8 * (np.roll(points, -1, axis=0) - points) for k in range(8)]
+    )
+    return [
+        text.get_text()
+        for text in ax.texts
+        if words in text.get_text() and text.get_window_extent().count_contains(points)
+    ]
+
+
+def test_numbers_of_crank_angles_stand_beside_their_curves(machine, orbit):
+    figures = [
+        plot.interface.bearing_loads(machine, orbit),
+        shaking_force(machine, orbit),
+    ]
+    axes = [ax for figure in figures for ax in figure.axes if ax.texts]
+    assert len(axes) == 3
+    for ax in axes:
+        assert len([text for text in ax.texts if text.get_text().endswith("°")]) >= 2
+        assert covered(ax, ax.lines[0]) == []
+
+
+def test_numbers_of_crank_angles_stand_beside_a_thin_loop():
+    """A loop as thin as that of a crank pin, whose numbers stood on it."""
+    figure, ax = single((4, 4), "loads")
+    angle = np.linspace(0, 2 * np.pi, 721)
+    x, y = 100 * np.cos(angle) + 80, 4 * np.sin(angle)
+    ax.plot(x, y)
+    ax.set_aspect("equal", adjustable="datalim")
+    crank_marks(ax, np.rad2deg(angle), x, y, "black")
+    assert covered(ax, ax.lines[0]) == []
+    boxes = [text.get_window_extent() for text in ax.texts]
+    assert len(boxes) == 4
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    assert all(figure.bbox.fully_contains(*corner) for box in boxes for corner in box.corners())
+
+
+def test_the_work_is_written_beside_the_indicator_diagram(orbit):
+    """Of a low pressure ratio, whose expansion the words covered."""
+    changes = {"gas.clearance_ratio": 0.25, "gas.discharge_pressure": "0.2 MPa"}
+    machine = with_values(load("mayekawa-wbhe"), changes).compressor
+    (ax,) = plot.pv_diagram(machine, orbit).axes
+    for line in ax.lines[:1]:
+        assert covered(ax, line, "Work on the gas") == []
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_no_legend_is_wider_than_its_picture(outside):
+    figure, ax = single((5, 3), "names")
+    for number in range(7):
+        ax.plot([0, number], label=f"joint of a rather long name {number}")
+    if outside:
+        legend_outside(ax, "upper right", 7)
+    else:
+        legend_above(ax)
+    figure.savefig(io.BytesIO(), format="png")
+    box = (figure.legends[0] if outside else ax.get_legend()).get_window_extent()
+    assert figure.bbox.fully_contains(box.x0, box.y0)
+    assert figure.bbox.fully_contains(box.x1, box.y1)
 
 
 def test_shares_differ_in_points():

@@ -2,6 +2,7 @@
 
 import re
 from html.parser import HTMLParser
+from importlib import resources
 
 import pytest
 from helpers import read_json
@@ -10,6 +11,7 @@ from rich.table import Table
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
+from jaxcomp.cli._tables import row_table
 from jaxcomp.report import report
 from jaxcomp.report._page import numbers_html, picture_html, rich_html, tables_html
 from jaxcomp.report.interface import Provenance, checks
@@ -156,6 +158,30 @@ def test_markup_of_the_terminal_becomes_classes():
     assert '<p><span class="good">fine</span></p>' in found
     assert '<h3>Loss of <span class="strong">all</span></h3><table>' in found
     assert "&lt;x&gt;" in numbers_html({"a": "<x>"})
+
+
+def test_tables_without_a_title_are_headed_by_what_they_list():
+    losses = row_table(None, ("Friction loss", ("W", ".4g")), [("Main journal", 1.313)])
+    found = tables_html([losses])
+    assert found.startswith("<h3>Friction loss</h3><table><thead><tr><th")
+    assert found.count("Friction loss") == 1
+    # of numbers in the first column the head is that of the column
+    orders = row_table(None, ("Order", ("Force, N", ".4g")), [(1, 63.51)])
+    assert "<h3>" not in tables_html([orders])
+    assert '<th class="left">Order</th>' in tables_html([orders])
+
+
+def test_points_of_a_column_stand_below_each_other_in_any_font():
+    """As wide as the digits that are lacking, and neither to be read nor to be copied."""
+    rows = [("a", 74.8), ("b", 6.079), ("c", 0)]
+    found = tables_html([row_table(None, ("Use", ("W", ".4g")), rows)])
+    rooms = re.findall(
+        r'<td class="right">([\d.]+)(?:<i class="room" data-room="([\d.]+)"></i>)?', found
+    )
+    assert rooms == [("74.8", "00"), ("6.079", ""), ("0", ".000")]
+    assert Reader(found).text == "Use W a 74.8 b 6.079 c 0"
+    style = (resources.files("jaxcomp.report") / "style.css").read_text("utf-8")
+    assert ".room::after { content: attr(data-room); visibility: hidden;" in style
 
 
 def test_large_drawings_become_pixels():
