@@ -11,7 +11,16 @@ _SIGN = re.compile(r"([!-/:-@\[-`{-~])")
 LIGHT = {"background": "white", "box-shadow": "0 0 0 24px white", "min-height": "100vh"}
 DARK = LIGHT | {"filter": "invert(0.9) hue-rotate(180deg)"}
 WIDE = {"sizing_mode": "stretch_width"}
-TABLE = {"show_index": False} | WIDE
+# On a phone a name takes two lines rather than to lose its end.
+_CELLS = """
+.tabulator .tabulator-row .tabulator-cell { white-space: normal !important; overflow-wrap: anywhere;
+  text-overflow: clip !important; }
+.tabulator .tabulator-row .tabulator-cell * { white-space: normal !important; }
+@media (max-width: 480px) {
+  .tabulator .tabulator-col .tabulator-col-title { padding-right: 8px !important; }
+}
+"""
+TABLE = {"show_index": False, "stylesheets": [_CELLS]} | WIDE
 # Side by side where there is room; on a phone the first picture stands before the numbers.
 _SIDES = """
 :host { display: grid !important; gap: 14px; grid-template: "head head" auto "numbers first" auto

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource, FactorRange, Title
+from bokeh.models import ColumnDataSource, CustomJS, FactorRange, Title
 from bokeh.plotting import figure
 
 from ..plot.interface import INK, colour, line_look, words
@@ -11,6 +11,8 @@ from ._layout import WIDE
 from ._state import Desk, View
 
 _PINNED = "#AAAAAA"
+# Curves that grow or shrink by such a factor leave the part of a picture that was chosen for them.
+_OTHER_SIZE = 1.25
 # Units of the pictures, which stay while numbers are dragged.
 _AXES = {
     "m^3": (1e6, "cm³"), "Pa": (1e-6, "MPa"), "lift": (1e3, "mm"), "N": (1.0, "N"),
@@ -29,9 +31,9 @@ class Pictures:
         self.desk, self.angle = desk, np.deg2rad(60.0)
         self.sources: dict[str, ColumnDataSource] = {}
         drawn = _drawn(desk.view, desk.system)
-        self.figures = [
-            self._figure(title, *axes, parts) for title, (*axes, parts) in drawn.items()
-        ]
+        self._plots = {title: self._figure(title, *axes, p) for title, (*axes, p) in drawn.items()}
+        self._sizes: dict[str, np.ndarray] = {}
+        self.figures = list(self._plots.values())
         self.outlines = {
             name: ColumnDataSource({"x": [], "y": []}) for name in desk.front_view(self.angle)
         }
@@ -47,6 +49,8 @@ class Pictures:
             tools="pan,wheel_zoom,reset", toolbar_location="above", **rows, **WIDE,
         )  # fmt: skip
         plot.toolbar.logo = None
+        plot.tags = [0]  # how often its ranges were renewed
+        plot.js_on_change("tags", CustomJS(args={"plot": plot}, code="plot.reset.emit()"))
         for name, columns in parts.items():
             for pinned in (True, False):
                 source = ColumnDataSource({column: [] for column in columns})
@@ -107,6 +111,21 @@ class Pictures:
             for title, (_, _, parts) in drawn.items():
                 for name, columns in parts.items():
                     self.sources[f"{title}.{name}.{behind}"].data = columns
+                if not behind:
+                    self._renew_range(title, parts)
+
+    def _renew_range(self, title: str, parts: dict[str, dict[str, Any]]) -> None:
+        """Let a picture that was panned or zoomed show curves of another size as a whole again.
+
+        It follows its curves by itself until then, and keeps the part that was chosen afterwards.
+        """
+        columns = [c[key] for c in parts.values() for key in c if key != "y" or "x" in c]
+        sizes = np.array([max(float(np.nanmax(np.abs(one))), 1e-300) for one in columns])
+        before = self._sizes.setdefault(title, sizes)
+        change = np.max(np.abs(np.log(sizes / before)))
+        if change > np.log(_OTHER_SIZE):
+            self._sizes[title] = sizes
+            self._plots[title].tags = [self._plots[title].tags[0] + 1]
 
 
 def _legend_above(plot: Any, names: list[str]) -> None:

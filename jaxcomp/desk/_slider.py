@@ -5,6 +5,12 @@ from typing import Any
 import panel as pn
 
 _STEPS = 200
+# On a phone a slider has a line of its own, on which its name has room.
+_PLACE = """
+:host { flex: 1 1 110px; min-width: 100px; }
+.bk-slider-title { white-space: normal; }
+@media (max-width: 480px) { :host { flex-basis: 95%; } }
+"""
 
 
 class _QuickSlider(pn.widgets.FloatSlider):
@@ -22,7 +28,7 @@ class Slider:
         self.look = look = desk.look(name, [low, high])
         self.ends = [
             pn.widgets.FloatInput(
-                label=word, value=_short(self._shown(end)), width=82, margin=(5, 4)
+                label=word, value=_short(self._shown(end)), width=96, margin=(5, 4)
             )
             for word, end in (("from", low), ("to", high))
         ]
@@ -31,7 +37,7 @@ class Slider:
         low, high = min(value, self.ends[0].value), max(value, self.ends[1].value)
         self.slider = _QuickSlider(
             label=label, start=low, end=high, step=(high - low) / _STEPS, value=value, format="0[.]00000",
-            styles={"flex": "1 1 110px", "min-width": "100px"}, margin=(5, 4),
+            stylesheets=[_PLACE], margin=(5, 4),
         )  # fmt: skip
         # what the desk sets is no drag; some versions of Panel move a slider when its ends move
         self._following = False

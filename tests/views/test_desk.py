@@ -587,6 +587,58 @@ def test_a_phone_shows_a_picture_first_and_nothing_is_cut(browser, address):
     picture = tab.page.locator(".bk-Figure").first.bounding_box()
     assert picture["y"] + picture["height"] < 844
     assert tab.page.evaluate("document.documentElement.scrollWidth") <= 390
+    tab.wait(lambda: "..." not in {gain for _, gain in tab.rows().values()}, "gains")
+    tab.press("Pin this state")
+    tab.wait(lambda: tab.page.get_by_text("Pinned").count() == 1, "the pinned state")
+    tab.page.wait_for_timeout(500)
+    # a cell whose text is wider than itself shows a part of it, or writes over its neighbour
+    cut = tab.page.locator(".tabulator-cell, .tabulator-col-title").evaluate_all(
+        "cells => cells.filter(x => x.scrollWidth > x.clientWidth + 1).map(x => x.innerText.trim())"
+    )
+    assert [text for text in cut if text] == []
+    names = boxes(tab.page.locator(".bk-slider-title"))
+    fields = boxes(tab.page.locator("input:visible, button:visible"))
+    assert len(names) >= 7
+    assert [(a, b) for a in names for b in fields if overlap(a, b)] == []
+    tab.page.close()
+
+
+def boxes(locator):
+    """Left, top, right and lower end of elements [px]."""
+    return locator.evaluate_all(
+        "all => all.map(x => x.getBoundingClientRect()).map(r => [r.left, r.top, r.right, r.bottom])"
+    )
+
+
+def overlap(a, b):
+    return min(a[2], b[2]) > max(a[0], b[0]) + 1 and min(a[3], b[3]) > max(a[1], b[1]) + 1
+
+
+# Ends of the ordinate of a picture by its title.
+ORDINATE = """title => { for (const page of Bokeh.documents) for (const one of page._all_models.values())
+  if (one.type == "Figure" && one.title.text == title) return [one.y_range.start, one.y_range.end] }"""
+
+
+@pytest.mark.slow  # a browser
+def test_a_picture_that_was_panned_shows_other_forces_as_a_whole(browser, address):
+    """The forces of a bore of 260 mm are four times those of 130 mm."""
+    tab = Tab(browser, address)
+    force = tab.page.evaluate(ORDINATE, "Joint forces")
+    picture = tab.page.locator(".bk-Figure").nth(2).bounding_box()
+    middle = picture["x"] + 200, picture["y"] + 150
+    tab.page.mouse.move(*middle)
+    tab.page.mouse.down()
+    tab.page.mouse.move(middle[0], middle[1] + 30, steps=5)
+    tab.page.mouse.up()
+    panned = tab.page.evaluate(ORDINATE, "Joint forces")
+    assert panned[0] > force[0] + 0.05 * (force[1] - force[0])
+    tab.type("bore", "131 mm")  # about as large: the part that was chosen stays
+    tab.wait(lambda: "91.173 %" not in tab.result(), "the next state")
+    tab.page.wait_for_timeout(500)
+    assert tab.page.evaluate(ORDINATE, "Joint forces") == panned
+    tab.type("bore", "260 mm")
+    tab.wait(lambda: tab.page.evaluate(ORDINATE, "Joint forces")[1] > 3.5 * force[1], "all forces")
+    assert tab.page.evaluate(ORDINATE, "Joint forces")[0] < 0
     tab.page.close()
 
 
