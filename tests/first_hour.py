@@ -424,7 +424,7 @@ COMMANDS = {
                 "optimise",
                 WBHE,
                 "--variable",
-                "bore=100mm:160mm",
+                "mechanism.bore=100mm:160mm",
                 "--constraint",
                 "motor_power<=1W",
             ),

@@ -235,7 +235,7 @@ def _points_per_unit(ax: Axes, places: np.ndarray) -> float:
     width, height = box.width * 72 / ax.figure.dpi, box.height * 72 / ax.figure.dpi
     if ax.name == "polar":
         return 0.5 * min(width, height) / (1.08 * max(float(np.abs(places).max()), 1e-12))
-    spans = [max(1.1 * float(np.ptp(part)), 1e-12) for part in (places.real, places.imag)]
+    spans = [max(1.1 * float(np.ptp(part)), 1e-12) for part in (np.real(places), np.imag(places))]
     return min(width / spans[0], height / spans[1])
 
 
@@ -352,28 +352,27 @@ def note(figure: Figure, text: str) -> None:
     figure.supxlabel(text, fontsize=8, color=INK, x=0.01, ha="left")
 
 
-def legend(ax: Axes, **options) -> None:
+def legend(ax: Axes, **options) -> Legend:
     """A legend without a frame."""
-    ax.legend(**{"frameon": False, "fontsize": 8.5} | options)
+    return ax.legend(**{"frameon": False, "fontsize": 8.5} | options)
 
 
 def legend_above(ax: Axes) -> None:
     """A legend in rows above the axes, where no curve can run, each as long as the axes leave room."""
-    room = ax.get_window_extent().width
-    if ax.get_subplotspec() is None or ax.get_subplotspec().is_last_col():
-        room = ax.figure.bbox.width - ax.get_window_extent().x0
+    box, place = ax.get_window_extent(), ax.get_subplotspec()
+    room = box.width
+    if place is None or place.is_last_col():
+        room = ax.figure.bbox.width - box.x0
 
     def made(ncols: int) -> Legend:
-        place = {"loc": "lower left", "bbox_to_anchor": (0, 1.0), "borderaxespad": 0.2}
-        legend(ax, ncols=ncols, **place)
-        return ax.get_legend()
+        return legend(ax, ncols=ncols, loc="lower left", bbox_to_anchor=(0, 1.0), borderaxespad=0.2)
 
     _widest(made, 5, room)
 
 
 def legend_outside(ax: Axes, loc: str, ncols: int) -> None:
     """A legend of these axes at the edge of the figure."""
-    figure, handles = ax.get_figure(root=True), ax.get_legend_handles_labels()
+    figure, handles = ax.figure, ax.get_legend_handles_labels()
     look = {"loc": f"outside {loc}", "frameon": False, "fontsize": 8.5}
 
     def made(ncols: int) -> Legend:
