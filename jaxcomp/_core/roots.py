@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
 from .fields import is_traced
@@ -37,6 +38,10 @@ _JUMPING = 0.99
 # Iterations that jump to and fro, across a kink or by a strong coupling, are halved down to this; those
 # that come closer again grow back, slower than they were halved.
 _SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
+# Iterations that Anderson's mixing looks back on: few directions contract slowly.
+_DEPTH = 5
+# [-] Square of the share of a direction below which it is rounding for the mixing.
+_PARALLEL = 1e-14
 # The unknowns are of order one; a change beyond this comes from a balance that has no solution.
 _RUNAWAY = 1e6
 
@@ -212,16 +217,120 @@ def settle(
         share = _share(share, change > _JUMPING * last.change)
         new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
         change = jnp.where(lost, 2 * _RUNAWAY, change)
-        falls = change < _LOWER * lowest
-        lowest = jnp.where(falls, change, lowest)
-        waited = jnp.where(falls | ~(change < _ROUNDING + rounding), 0, waited + 1)
-        settled = (change <= tolerance) | (waited >= _PATIENCE)
+        settled, lowest, waited = _ended(change, lowest, waited, tolerance, rounding)
         return new, data, FixedPointReport(last.steps + 1, change, settled), share, lowest, waited
 
     first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
     begin = (start, beside, first, jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
+
+
+def _weighted(weights: Float[Array, " depth"], outputs: Y, _: Y) -> Y:
+    return jax.tree.map(lambda leaf: jnp.tensordot(weights, leaf, 1), outputs)
+
+
+def _raveled(tree) -> Float[Array, " n"]:
+    return ravel_pytree(tree)[0]
+
+
+def mix(
+    step: Callable[[Y, Any], tuple[Y, Any]],
+    start: Y,
+    beside: Any,
+    tolerance: float | Float[Array, ""],
+    max_iterations: int,
+    sampled: Callable[[Y], Float[Array, " n"]] = _raveled,
+    combined: Callable[[Float[Array, " depth"], Y, Y], Y] = _weighted,
+) -> tuple[Y, Any, FixedPointReport]:
+    """Iterate to a fixed point by Anderson's mixing, without derivatives.
+
+    What the last steps gave is combined with weights of sum one, those with which the changes by these
+    steps nearly cancel. Of a linear step that is GMRES. It converges where the step by itself hardly
+    contracts, or moves away in a few directions.
+    Source: Walker and Ni (2011), SIAM J. Numer. Anal. 49, 1715-1735, eqs. (2.1)-(2.2).
+
+    Args:
+        step: maps the unknowns, arrays of order one, and the data of the iteration before to better
+            ones and new data.
+        start: first guess.
+        beside: data of the first guess.
+        tolerance: largest change by a step at which to stop.
+        max_iterations: iterations after which to give up.
+        sampled: n numbers of the unknowns, in which changes are measured.
+        combined: unknowns of which these are the weighted sum, of the weights, what the last steps gave
+            (with a leading axis), and the newest of it.
+
+    Returns:
+        What the last step gave, the data of it, and how it ended.
+    """
+    changes = jnp.stack([jnp.zeros_like(sampled(start))] * _DEPTH)
+    outputs = jax.tree.map(lambda leaf: jnp.stack([leaf] * _DEPTH), start)
+
+    def going_on(carry):
+        _, _, report, *_ = carry
+        moving = report.change < 2 * _RUNAWAY
+        return moving & ~report.settled & (report.steps < max_iterations)
+
+    def advance(carry):
+        value, data, last, lowest, waited, changes, outputs = carry
+        new, data = step(value, data)
+        change = sampled(new) - sampled(value)
+        size = _largest(change)
+        lost = ~(size < _RUNAWAY)
+        new = jax.tree.map(lambda after, before: jnp.where(lost, before, after), new, value)
+        size = jnp.where(lost, 2 * _RUNAWAY, size)
+        changes = jnp.roll(changes, 1, axis=0).at[0].set(jnp.where(lost, 0.0, change))
+        outputs = jax.tree.map(
+            lambda old, leaf: jnp.roll(old, 1, axis=0).at[0].set(leaf), outputs, new
+        )
+        settled, lowest, waited = _ended(size, lowest, waited, tolerance)
+        weights = _weights(changes, last.steps + 1)
+        mixed = combined(weights, outputs, new)
+        # the last step is taken as it is: the data belong to it
+        value = jax.tree.map(lambda a, b: jnp.where(settled | lost, a, b), new, mixed)
+        report = FixedPointReport(last.steps + 1, size, settled)
+        return value, data, report, lowest, waited, changes, outputs
+
+    first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
+    begin = start, beside, first, jnp.asarray(_RUNAWAY), jnp.asarray(0), changes, outputs
+    value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
+    return value, data, report
+
+
+def _weights(changes: Float[Array, "depth n"], steps: Int[Array, ""]) -> Float[Array, " depth"]:
+    """The weights of sum one with which the newest changes nearly cancel.
+
+    Args:
+        changes: by the last steps, the newest first.
+        steps: how many there have been; changes before the first are not looked at.
+    """
+    known = (jnp.arange(1, _DEPTH) < steps)[:, None]
+    bends = jnp.where(known, changes[0] - changes[1:], 0.0)
+    squares = jnp.sum(bends**2, axis=1)
+    usable = squares > 0
+    # all of length one, so that the small last ones count as the large first ones do
+    length = jnp.sqrt(jnp.where(usable, squares, 1.0))
+    bends = bends / length[:, None]
+    normal = bends @ bends.T + jnp.diag(jnp.where(usable, _PARALLEL, 1.0))
+    of_earlier = jnp.linalg.solve(normal, bends @ changes[0]) / length
+    return jnp.concatenate([1 - jnp.sum(of_earlier, keepdims=True), of_earlier])
+
+
+def _ended(change, lowest, waited, tolerance, rounding=0.0):
+    """Whether an iteration has ended, the lowest change, and for how long it has not fallen.
+
+    Args:
+        change: of this iteration.
+        lowest: before it.
+        waited: iterations since that one fell.
+        tolerance: change at which to stop.
+        rounding: as in `settle`.
+    """
+    falls = change < _LOWER * lowest
+    lowest = jnp.where(falls, change, lowest)
+    waited = jnp.where(falls | ~(change < _ROUNDING + rounding), 0, waited + 1)
+    return (change <= tolerance) | (waited >= _PATIENCE), lowest, waited
 
 
 def _neumann(tolerance, max_iterations):

@@ -1,7 +1,6 @@
 """Suction gas that a law warms: its rise follows from flow, heat and losses, and they from it.
 
-The rise is one more unknown beside the motion of the crank. Repeated as it comes it would contract by
-what a degree more of it adds to itself, 0.1 to 0.6; secants make that a few iterations.
+The rise is one more unknown beside the motion of the crank.
 """
 
 import jax.numpy as jnp
@@ -17,8 +16,6 @@ from ._performance import electric_power, flow_of_gas
 _FIRST = 15.0
 # [K] Most that a law may give, within the range of the fluids; there nothing counts as solved.
 LARGEST_RISE = 200.0
-# Slope of a rise over itself before two are known, and the distance of two whose slope is no rounding.
-_USUAL, _APART = 0.25, 1e-7
 
 
 def law_of(compressor: Compressor) -> SuctionWarming | None:
@@ -64,16 +61,3 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     heat = law.heat(comes, cycle.discharge_temperature, flow, loss)
     heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
     return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T
-
-
-def secant(before, now):
-    """The unknown at which a function gives it back, by two pairs of unknown and value.
-
-    Where both pairs are one the usual slope stands for the secant.
-    """
-    (x0, y0), (x, y) = before, now
-    moved = x - x0
-    apart = jnp.abs(moved) > _APART
-    slope = jnp.where(apart, (y - y0) / jnp.where(apart, moved, 1.0), _USUAL)
-    # outside of these it comes from a change of the valves' events, and would lead away
-    return jnp.maximum(x + (y - x) / (1 - jnp.clip(slope, -1.0, 0.8)), 0.0)

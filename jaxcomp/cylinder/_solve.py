@@ -295,7 +295,8 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
         arrays, rest = eqx.partition(system, eqx.is_inexact_array)
         system = eqx.combine(values_only(arrays), rest)
     frozen = lax.stop_gradient(system)
-    found = _march_only(frozen, options) if marching else _rounds(frozen, options, start)
+    solve = _march_only if marching else _rounds
+    found = solve(frozen, options, start)
     return system, found, marching
 
 
@@ -329,15 +330,22 @@ def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
     return mesh._replace(fits=mesh.fits & options.has_room(events, steps)), z, events
 
 
-def _march_only(system: Cylinders, options: CycleOptions) -> CycleSolution:
+def _march_only(
+    system: Cylinders, options: CycleOptions, start: CycleSolution | None
+) -> CycleSolution:
     tolerance = jnp.asarray(options.value_tolerance)
     repeat = 10 * tolerance
+    state, flags = system.initial(START)
+    if start is not None:
+        state = jnp.where(start.solved, start.z.left[0], state)
+        flags = jnp.where(start.solved, start.mesh.flags[0], flags)
     end = march(
         system,
         options,
         tolerance,
         repeat,
-        *system.initial(START),
+        state,
+        flags,
         jnp.asarray(True),
         options.revolutions_at_most,
     )

@@ -1,0 +1,338 @@
+"""Crank and cycle that agree: pressure and speed of one revolution follow each from the other.
+
+The speed enters the cylinder through the time that every crank angle takes, and the pressure the crank
+as any prescribed gas does. One solve of the cycle and one of the crank make a step. By itself it
+contracts by the relative change of the work with speed times the fluctuation, about 0.02 on ordinary
+machines and 0.5 or none where a light crank nearly stops in every revolution; mixed with the steps
+before it takes 5 and 20 of them. The mean speed of a motor with a torque curve, and the rise of suction
+gas by a law of its own, are found with it. The first step marches the cycle at constant speed; the later
+ones begin with its solution.
+
+Derivatives follow from the implicit function theorem, with the step linearised once. Cycle and crank are
+traced once for values and once for derivatives, since such a program takes far longer to compile than to
+run.
+
+Several cylinders between the same lines each have a cycle of their own, by their own crank angle; where
+they share plenums these are solved together, on the panels of all.
+
+The speed reaches the cylinder as polynomials on the panels of its own cycle, through the values that the
+crank's polynomials have at the nodes there. All corners that the valves make are edges of both, so that
+the transfer is as exact as the two solutions. Panels move from step to step as the valves' events do:
+what steps gave is compared on a fixed grid, and combined on the newest panels.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._core.fields import replaced
+from .._core.polynomials import gauss
+from .._core.roots import frozen, mix, zeros_of
+from .._core.status import Status
+from ..compressor import Compressor, mechanisms_of
+from ..cylinder import Cycle, Cylinder
+from ..cylinder.interface import (
+    CycleSolution,
+    Pace,
+    SeveralCycles,
+    follow_cycles,
+    is_solved,
+    no_solution,
+    of_each,
+    pace_of,
+    solution_of,
+    solve_cycles,
+    unsolved,
+    values_only,
+)
+from ..motor import ConstantSpeed
+from ._collocation import Collocation
+from ._orbit import Orbit
+from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, rise_after
+
+# [-] Change by a step at which crank and cycle agree; of a cycle that is marched, which repeats within
+# 1e-7 and is not smooth in the motion below that.
+_TOLERANCE, _MARCHED_TOLERANCE = 1e-10, 1e-6
+MAX_ITERATIONS = 40
+_KELVINS = 100.0  # a rise of the suction gas as an unknown of order one
+# [rad] Crank angles at which the motions of two steps are compared; between two of them the fluctuation
+# of the speed hardly bends.
+_GRID = np.linspace(0.0, 2 * np.pi, 257)[:-1]
+# Of derivatives: largest remainder, in parts of the direct ones, and steps after which to give up.
+_TANGENT_TOLERANCE, _TANGENT_ITERATIONS = 1e-11, 30
+
+
+class Motion(NamedTuple):
+    """The motion of the crank as the cylinders see it."""
+
+    level: Float[Array, ""]  # [-] logarithm of the mean speed over the motor's guess
+    # over the own crank angle of each cylinder, that of the crank if they share plenums; `None` at
+    # constant speed
+    pace: Pace | None
+    rise: Float[Array, ""] | None  # [-] of the suction gas by a law of its own, in parts of 100 K
+
+
+def orbit_at_constant_speed(compressor: Compressor, solver: Collocation) -> Orbit:
+    """The cycle at the mean speed, and the crank's motion under the pressure so found.
+
+    Args:
+        compressor: admissible, whose gas is a `Cylinder`.
+        solver: of the crank's motion.
+    """
+    return orbit_with_cylinder(compressor, solver, even=True)
+
+
+def orbit_with_cylinder(
+    compressor: Compressor, solver, *, even: bool = False, found: Orbit | None = None
+) -> Orbit:
+    """The orbit of an admissible compressor whose gas is a `Cylinder`.
+
+    Args:
+        compressor: the machine.
+        solver: of the crank's motion under a prescribed pressure.
+        even: whether the gas sees the mean speed, of whatever motor.
+        found: the orbit, where it is followed and not searched for.
+    """
+    assert isinstance(compressor.gas, Cylinder)
+    even = even or isinstance(compressor.motor, ConstantSpeed)
+    if _is_marched(compressor, solver):
+        numbers, others = eqx.partition(compressor, eqx.is_inexact_array)
+        compressor = eqx.combine(values_only(numbers), others)
+    if even and law_of(compressor) is None:
+        # the pressure depends on nothing that the crank does
+        speed = compressor.motor.speed_guess
+        if found is None:
+            cycle = _cycles(compressor, solver, speed)
+        else:
+            cycle = _followed_cycles(compressor, speed, None, found.cycle)
+        agreed = jnp.asarray(True)
+        orbit = _orbit_of(compressor, cycle, solver)
+    else:
+        known = None if found is None else (found.cycle, _without_cycle(found))
+        (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, known)
+        if motion.rise is not None:
+            agreed &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
+    if found is not None:
+        cycle = _with_status_of(cycle, found.cycle)
+    status = Status.where(agreed, orbit.status, Status.not_converged)
+    status = Status.where(cycle.converged, status, cycle.status)
+    orbit = eqx.tree_at(lambda o: o.status, orbit, status)
+    return _with_cycle(orbit, cycle)
+
+
+def _is_marched(compressor: Compressor, solver) -> bool:
+    """Whether the cycle has no derivatives."""
+    return solver.cycle.method == "march" or not compressor.gas.inert
+
+
+@eqx.filter_custom_jvp
+def _coupled(compressor: Compressor, solver, even: bool, known: tuple | None):
+    """Cycle and orbit that agree, the motion they have, and whether they were found.
+
+    Args:
+        compressor: the machine.
+        solver: of the crank's motion.
+        even: leaves out how the crank's speed fluctuates.
+        known: cycle and orbit, where they have been found.
+    """
+    compressor = frozen(compressor)
+    if known is not None:
+        return known, _motion_of(compressor, known, even), jnp.asarray(True)
+    # nothing is known of a cycle and an orbit before the first step
+    nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
+    phase = compressor.crankshaft.distinct_phase
+    steady = None if even else pace_of(nothing, jnp.zeros_like, phase)
+    rise = first_rise(compressor)
+    still = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS)
+    _, (cycle, orbit) = zeros_of(_step, compressor, solver, still, nothing)
+
+    def step(motion, last):
+        new, found = _step(compressor, solver, motion, solution_of(last[0]))
+        # without a cycle there is nothing to go on with: the iteration ends, and its status is that one
+        solved = is_solved(of_each(found[0]))
+        return jax.tree.map(
+            lambda after, before: jnp.where(solved, after, before), new, motion
+        ), found
+
+    tolerance = _MARCHED_TOLERANCE if _is_marched(compressor, solver) else _TOLERANCE
+    motion, found, report = mix(
+        step, still, (unsolved(cycle), orbit), tolerance, MAX_ITERATIONS, _sampled, _combined
+    )
+    return found, motion, report.settled
+
+
+def _sampled(motion: Motion) -> Float[Array, " n"]:
+    """A motion as numbers that do not depend on where panels lie."""
+    numbers = [motion.level[None]]
+    if motion.rise is not None:
+        numbers.append(motion.rise[None])
+    if motion.pace is not None:
+        numbers.append(_excess_at(motion.pace, jnp.asarray(_GRID)).ravel())
+    return jnp.concatenate(numbers)
+
+
+def _excess_at(pace: Pace, angle: Float[Array, " n"]) -> Float[Array, "*k n"]:
+    """[-] The excess of a pace at crank angles [rad]; of k cylinders at those of each, if there are."""
+    if pace.edges.ndim > 1:
+        return jax.vmap(lambda own: jax.vmap(own.at)(angle))(pace)
+    return jax.vmap(pace.at)(angle)
+
+
+def _combined(weights: Float[Array, " depth"], outputs: Motion, newest: Motion) -> Motion:
+    """The weighted sum of motions, on the panels of the newest."""
+    rise = None if outputs.rise is None else weights @ outputs.rise
+    pace = newest.pace
+    if pace is not None and outputs.pace is not None:
+        on_newest = _combined_pace
+        if pace.edges.ndim > 1:
+            on_newest = jax.vmap(_combined_pace, (None, 1, 0))
+        pace = on_newest(weights, outputs.pace, pace)
+    return Motion(weights @ outputs.level, pace, rise)
+
+
+def _combined_pace(weights: Float[Array, " depth"], outputs: Pace, newest: Pace) -> Pace:
+    places = gauss(newest.excess.shape[-1]).nodes
+    angle = newest.edges[:-1, None] + jnp.diff(newest.edges)[:, None] * places
+    values = jax.vmap(_excess_at, (0, None))(outputs, angle.ravel())
+    return Pace(newest.edges, (weights @ values).reshape(angle.shape))
+
+
+def _motion_of(compressor: Compressor, known: tuple, even: bool) -> Motion:
+    """The motion of cycle and orbit that have been found."""
+    cycle, orbit = known
+    rise = rise_after(compressor, _with_cycle(orbit, cycle), first_rise(compressor))
+    return _motion_after(compressor, cycle, orbit, even, rise)
+
+
+def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise) -> Motion:
+    """The motion of an orbit, on the panels of the cycle under which it was found.
+
+    Args:
+        compressor: the machine.
+        cycle: of its cylinders.
+        orbit: under the pressure of the cycle.
+        even: whether the gas sees the motor's guess of the speed.
+        rise: [K] of the suction gas by a law of its own, or `None`.
+    """
+    level, pace = jnp.zeros(()), None
+    if not even:
+        slow = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
+        own = Pace(orbit.panel_edges, slow - 1)
+        phase = compressor.crankshaft.distinct_phase
+        pace = pace_of(solution_of(cycle, followed=True), own.at, phase)
+        level = jnp.log(orbit.mean_speed / compressor.motor.speed_guess)
+    return Motion(level, pace, None if rise is None else rise / _KELVINS)
+
+
+@eqx.filter_jit  # traced once, for its shapes and for all that is solved
+def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
+    """The motion that the pressure it causes gives the crank, with cycle and orbit.
+
+    The cycle is marched where nothing has been found, and where the motion has changed its events.
+    """
+
+    def cycle_of(here, speed):
+        return _cycles(here, solver, speed, motion.pace, start)
+
+    return _step_with(compressor, solver, motion, cycle_of)
+
+
+def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
+    """A step, with the cycle of a compressor at a speed by `cycle_of`."""
+    rise = None if motion.rise is None else _KELVINS * motion.rise
+    here = at_rise(compressor, rise)
+    cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
+    orbit = _orbit_of(here, cycle, solver)
+    new = rise_after(compressor, _with_cycle(orbit, cycle), rise)
+    even = motion.pace is None
+    return _motion_after(compressor, cycle, orbit, even, new), (cycle, orbit)
+
+
+@_coupled.def_jvp
+def _coupled_jvp(primals, tangents):
+    compressor, solver, even, known = primals
+    out = _coupled(compressor, solver, even, known)
+    (cycle, _), motion, _ = out
+    numbers, others = eqx.partition(compressor, eqx.is_inexact_array)
+
+    def step(numbers, motion):
+        def cycle_of(here, speed):
+            return _followed_cycles(here, speed, motion.pace, cycle)
+
+        new = _step_with(eqx.combine(numbers, others), solver, motion, cycle_of)
+        return eqx.filter(new, eqx.is_inexact_array)
+
+    _, linear = jax.linearize(step, numbers, motion)
+    moved = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
+
+    unmoved, still = jax.tree.map(jnp.zeros_like, (numbers, motion))
+    directly, found_directly = linear(moved, still)
+    # reverse mode wants each right side to depend on the tangents
+    nothing = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(moved) if leaf.size)
+    directly = jax.tree.map(lambda x: x + nothing, directly)
+    _, by_motion = jax.linearize(lambda motion: linear(unmoved, motion), still)
+    motion_moved = lax.custom_linear_solve(
+        lambda v: jax.tree.map(jnp.subtract, v, by_motion(v)[0]),
+        directly,
+        _mixed_solution,
+        transpose_solve=_mixed_solution,
+    )
+    found_moved = jax.tree.map(jnp.add, found_directly, by_motion(motion_moved)[1])
+    return out, (found_moved, motion_moved, None)
+
+
+def _mixed_solution(matvec, right_side):
+    """The solution of a linear system that is near the identity."""
+    largest = [jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(right_side)]
+    scale = jnp.max(jnp.stack(largest))
+    scale = jnp.where(scale > 0, scale, 1.0)
+    wanted = jax.tree.map(lambda leaf: leaf / scale, right_side)
+
+    def step(value, _):
+        return jax.tree.map(lambda v, b, a: v + b - a, value, wanted, matvec(value)), None
+
+    value, _, _ = mix(step, wanted, None, _TANGENT_TOLERANCE, _TANGENT_ITERATIONS)
+    return jax.tree.map(lambda leaf: scale * leaf, value)
+
+
+def _cycles(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
+    """The cycle of the cylinder, or of all, at a given motion of the crank."""
+    given = speed, solver.cycle, pace, start
+    return solve_cycles(compressor.gas, *_cylinders(compressor), *given)
+
+
+def _followed_cycles(compressor: Compressor, speed, pace, found: Cycle | SeveralCycles):
+    """Cycles that were found, with their dependence on the machine."""
+    return follow_cycles(compressor.gas, *_cylinders(compressor), speed, pace, frozen(found))
+
+
+def _cylinders(compressor: Compressor):
+    """The mechanism of every cylinder, and their phases [rad]."""
+    return mechanisms_of(compressor), compressor.crankshaft.distinct_phase
+
+
+def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
+    """The motion of the crank under the pressure of a cycle."""
+    return solver.solve(replaced(compressor, gas=cycle.gas()))
+
+
+def _with_status_of(cycle: Cycle | SeveralCycles, found: Cycle | SeveralCycles):
+    """A cycle that was followed, which ended as the one that was found."""
+    return eqx.tree_at(lambda c: of_each(c).status, cycle, of_each(found).status)
+
+
+def _with_cycle(orbit: Orbit, cycle: Cycle | SeveralCycles) -> Orbit:
+    return eqx.tree_at(lambda o: o.cycle, orbit, cycle, is_leaf=_is_none)
+
+
+def _without_cycle(orbit: Orbit) -> Orbit:
+    return eqx.tree_at(lambda o: (o.cycle, o.verification), orbit, (None, None), is_leaf=_is_none)
+
+
+def _is_none(leaf) -> bool:
+    return leaf is None
