@@ -38,8 +38,9 @@ class Status(eqx.Enumeration):
         "more inertia or speed where the crank all but halts"
     )
     too_many_events = (
-        "the valves make more events in a revolution than there are panels or steps for; take the march "
-        "(--cycle method=march), heavier plates, softer springs or more damping"
+        "the valves make more events in a revolution than the largest size has room for, or than the "
+        "panels and steps that were given; leave panels, capacity and max_passes of `--cycle` out, or "
+        "take heavier plates, softer springs or more damping"
     )
     no_delivery = (
         "nothing is delivered: either the pressure in the cylinder does not open the discharge valve, or "
