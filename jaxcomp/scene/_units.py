@@ -25,7 +25,7 @@ _DECIMAL_COMMA = re.compile(r"\s*([+-]?\d*),(\d+\b.*)")
 # Names with small powers, products and quotients. Signs that the parser of units would ignore (quotes,
 # currency signs) and powers of powers, which it would compute for years, do not reach it.
 _POWER = r"\^\s*(?:[+-]?\d{1,2}(?:\.\d{1,3})?|\([+-]?\d{1,2}(?:[./]\d{1,3})?\))(?!\s*[\^\d])"
-_UNIT = re.compile(rf"(?:[^\W\d]\w*+|%|{_POWER}|1(?=\s*/)|[*/·.()\s])*+")
+_PIECE_OF_UNIT = re.compile(rf"[^\W\d]\w*|%|{_POWER}|1(?=\s*/)|[*/·.()\s]")
 _POWER_OF_POWER = re.compile(r"\^.*\)\s*\^")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _LONGEST_UNIT = 60
@@ -268,6 +268,17 @@ def _registry() -> pint.UnitRegistry:
     return pint.UnitRegistry()
 
 
+def _is_of_pieces(text: str) -> bool:
+    """Whether a text is one piece of a unit after another.
+
+    No possessive repetition of them all: Python before 3.11.5 then takes pieces that do not fit.
+    """
+    place = 0
+    while piece := _PIECE_OF_UNIT.match(text, place):
+        place = piece.end()
+    return place == len(text)
+
+
 @cache
 def _parsed(unit: str) -> pint.Unit | None:
     """The unit, or `None` if it is unknown; accepts `cm3` for `cm^3` and `r/min` for `rpm`."""
@@ -276,7 +287,7 @@ def _parsed(unit: str) -> pint.Unit | None:
     text = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: f"^{power[0].translate(_LOWERED)}", unit)
     text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", text.replace("**", "^"))
     text = re.sub(r"\b(r|rev)/min\b", "rpm", text)
-    if not _UNIT.fullmatch(text) or _POWER_OF_POWER.search(text):
+    if not _is_of_pieces(text) or _POWER_OF_POWER.search(text):
         return None
     if text and (_NOT_FINITE.fullmatch(text) or not re.search(r"[^\W\d]|%", text)):
         return None
