@@ -1,5 +1,6 @@
 """No test ends the run of the others, whatever it does to its process."""
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -36,7 +37,9 @@ FILES = {
 def test_workers_that_die_do_not_end_the_others_run(tmp_path, workers):
     pytest.importorskip("xdist")
     (tmp_path / "conftest.py").write_text(CONFTEST)
-    (tmp_path / "pytest.ini").write_text(f"[pytest]\npythonpath = {Path(__file__).parents[1]}\n")
+    # quoted, as the folder may have a blank in its name
+    tests = shlex.quote(str(Path(__file__).parents[1]))
+    (tmp_path / "pytest.ini").write_text(f"[pytest]\npythonpath = {tests}\n")
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     words = ["-m", "pytest", "-q", "-n", workers, "--dist", "loadfile", "-p", "no:cacheprovider"]
