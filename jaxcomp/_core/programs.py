@@ -31,7 +31,7 @@ import jax
 from jaxlib.version import __version_info__
 
 from .interrupts import removed_when_stopped
-from .progress import compiling
+from .progress import compile_time, compiling
 
 ENVIRONMENT = "JAXCOMP_CACHE"
 # [bytes] All that is kept; what was read longest ago goes first.
@@ -142,7 +142,7 @@ def _compiled(
     telling = (
         compiling(len(code), by_caller or path is not None) if ours else contextlib.nullcontext()
     )
-    with telling:
+    with telling, compile_time:
         program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
     if path is not None:
         with contextlib.suppress(Exception):  # a program that XLA cannot write down

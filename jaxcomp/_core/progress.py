@@ -5,6 +5,7 @@
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,6 +43,11 @@ def watch_compiles(machine: str = "") -> None:
     The command line does; elsewhere `JAXCOMP_WAITS=on` does as much.
     """
     _Compiles.told, _Compiles.machine = True, machine or _Compiles.machine
+
+
+def watched() -> bool:
+    """Whether somebody waits for a command, who is told how long it takes."""
+    return _Compiles.told
 
 
 @contextmanager
@@ -106,8 +112,37 @@ def spinner(text: str) -> Iterator[None]:
         _Compiles.status = None
 
 
+class _CompileTime:
+    """Time in which something was compiled, by one thread or by several at once."""
+
+    def __init__(self):
+        self.seconds = 0.0  # in all
+        self._lock, self._running, self._begun = threading.Lock(), 0, 0.0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._running == 0:
+                self._begun = time.monotonic()
+            self._running += 1
+
+    def __exit__(self, *error) -> None:
+        with self._lock:
+            self._running -= 1
+            if self._running == 0:
+                self.seconds += time.monotonic() - self._begun
+
+
+# No forecast of further work includes it.
+compile_time = _CompileTime()
+
+
 class Progress:
-    """How far some work is, with the time that is left."""
+    """How far some work is, with the time that is left.
+
+    The time follows from what the pieces so far took on this machine: of the first one without the
+    compiling of its programs, and without the first one, which ends their tracing, as soon as there are
+    more.
+    """
 
     def __init__(
         self,
@@ -119,29 +154,43 @@ class Progress:
         told: float | None = None,
     ):
         self._text, self._total, self._unit, self._bar = text, total, unit, bar
-        self._told = time.monotonic() if told is None else told
-        self._from: tuple[float, int] | None = None
+        begun = time.monotonic()
+        self._told = begun if told is None else told
+        self._start = begun - compile_time.seconds, done
+        self._first: tuple[float, int] | None = None
+        self._last = self._start
         if bar is not None:
             self._task = bar.add_task(text, total=total, completed=done, left="")
 
-    def at(self, done: int, total: int | None = None, text: str = "") -> None:
-        """So many are done, of so many; `text` says at what the work is."""
+    def at(self, done: int, total: int | None = None, text: str = "", most: bool = False) -> None:
+        """So many are done, of so many; `text` says at what the work is.
+
+        Args:
+            done: pieces so far; fewer than before where other work begins.
+            total: pieces in all, if that is known only now.
+            text: what is worked on now.
+            most: whether there may be fewer pieces in all.
+        """
         self._total, self._text = total or self._total, text or self._text
         now = time.monotonic()
-        if self._from is None or done < self._from[1]:
-            self._from = now, done  # what was first was compiled as well
-        begun, before = self._from
-        left = ""
+        here = now - compile_time.seconds, done
+        if done < self._last[1]:
+            self._start, self._first = (self._last[0], 0), None
+        begun, before = self._first or self._start
+        if self._first is None and done > before:
+            self._first = here
+        self._last = here
+        left, least = "", "at most " if most else ""
         if self._total and done > before:
-            seconds = (self._total - done) * (now - begun) / (done - before)
-            left = f"{_span(seconds)} left"
+            seconds = (self._total - done) * max(here[0] - begun, 0.0) / (done - before)
+            left = f"{least}{_span(seconds)} left"
         if self._bar is not None:
             self._bar.update(
                 self._task, completed=done, total=self._total, description=self._text, left=left
             )
         elif now - self._told > _EVERY and done != self._total and shows_waits():
             self._told = now
-            of = f" of {self._total:,}" if self._total else ""
+            of = f" of {least}{self._total:,}" if self._total else ""
             tell(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")
 
 

@@ -10,10 +10,12 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.fields import is_traced
+from .._core.progress import progress_of, watched
 from .._core.results import Result, reading
 from ._blocks import lu_factor, lu_solve
 from ._conventions import add, from_planes, take, to_planes
-from ._damped import DampedModes, _damped, check_request, damped_modes, on_cpu, system_matrices
+from ._damped import DampedModes, _damped, check_request, damped_modes, system_matrices
 from ._layout import layout_of
 from ._model import RotorModel
 from ._operator import apply, operator_at
@@ -43,7 +45,18 @@ def campbell(
         BadInput: a number of modes that the model does not have, or a speed that is not finite.
     """
     check_request(model, count, spin_speeds=spin_speeds)
-    return on_cpu(_campbell)(model, jnp.asarray(spin_speeds, float), count, damping)
+    spin_speeds = jnp.asarray(spin_speeds, float)
+    traced = any(is_traced(leaf) for leaf in jax.tree.leaves((model, spin_speeds)))
+    if traced or not spin_speeds.size:
+        return _campbell(model, spin_speeds, count, damping)
+    # By the program of a single speed, so that the time that is left can be told; a loop within a
+    # program takes as long.
+    each = []
+    with progress_of("Modes", spin_speeds.size, unit="speeds", show=watched()) as progress:
+        for speed in spin_speeds:
+            each.append(jax.block_until_ready(damped_modes(model, speed, count, damping=damping)))
+            progress.at(len(each))
+    return jax.tree.map(lambda *fields: jnp.stack(fields), *each)
 
 
 @kept_jit
@@ -109,6 +122,7 @@ def critical_speeds_between(
     *,
     order: int = 1,
     damping: bool = True,
+    diagram: DampedModes | None = None,
 ) -> CriticalSpeeds:
     """All critical speeds within a range: where the Campbell diagram crosses the line n W.
 
@@ -124,6 +138,7 @@ def critical_speeds_between(
         count: number of modes of the diagram.
         order: n, at least 1.
         damping: false leaves out all damping.
+        diagram: the modes at these speeds, as `campbell` gives them; computed if absent.
 
     Raises:
         BadInput: an order below one, or speeds that do not rise.
@@ -134,7 +149,9 @@ def critical_speeds_between(
     if spin_speeds.size < 2 or not bool(jnp.all(jnp.diff(spin_speeds) > 0)):
         raise BadInput("spin_speeds", spin_speeds, "at least two rising speeds")
     model = prepare(model)
-    modes = _by_frequency(campbell(model, spin_speeds, count, damping=damping))
+    if diagram is None:
+        diagram = campbell(model, spin_speeds, count, damping=damping)
+    modes = _by_frequency(diagram)
     speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
     gap = gap - order * speed[:, None]
     # A gap of zero counts where the interval ends, so once, and at the very first speed, unless the

@@ -201,8 +201,8 @@ def rotor_modes(
     )
     diagram = None
     if over is not None:
-        critical = critical_speeds_between(model, over, count, damping=damping)
         modes = rotor.campbell(model, over, count, damping=damping)
+        critical = critical_speeds_between(model, over, count, damping=damping, diagram=modes)
         diagram = rotor.CampbellDiagram(np.asarray(over), modes, critical)
     return rotor.RotorModes(model, np.asarray(spin_speeds), found, free, damping, diagram)
 

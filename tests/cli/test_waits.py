@@ -84,7 +84,7 @@ def test_progress_in_a_pipe_is_a_line_with_the_time_that_is_left(monkeypatch, ca
         for done in (100, 200, 300):
             progress.at(done)
     assert capsys.readouterr().err.splitlines() == [
-        "jaxcomp: Sweeping: 100 of 400 designs",
+        "jaxcomp: Sweeping: 100 of 400 designs, 1:00 left",
         "jaxcomp: Sweeping: 200 of 400 designs, 0:40 left",
         "jaxcomp: Sweeping: 300 of 400 designs, 0:20 left",
     ]
@@ -97,3 +97,20 @@ def test_nothing_is_said_where_nobody_wants_it(monkeypatch, capsys):
     with _waits.progress_of("Sweeping", 400) as progress:
         progress.at(100)
     assert not capsys.readouterr().err
+
+
+def test_a_forecast_begins_with_the_first_piece_and_leaves_out_compiling(monkeypatch, capsys):
+    """Of 100 s the first of four pieces has compiled for 80: the others take 20 s each, then 40 s."""
+    monkeypatch.setenv("JAXCOMP_WAITS", "on")
+    clock = iter([0.0, 0.0, 80.0, 100.0, 140.0])
+    monkeypatch.setattr(_waits.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(_waits.compile_time, "seconds", 0.0)
+    with _waits.progress_of("Modes", 4, unit="speeds") as progress:
+        with _waits.compile_time:
+            pass
+        progress.at(1)
+        progress.at(2)
+    assert capsys.readouterr().err.splitlines() == [
+        "jaxcomp: Modes: 1 of 4 speeds, 1:00 left",
+        "jaxcomp: Modes: 2 of 4 speeds, 1:20 left",
+    ]
