@@ -26,7 +26,9 @@ class SchedulingPastCrashes(LoadFileScheduling):
         return crashed
 
     def _reschedule(self, node):
-        if node.shutting_down:
+        # One that is still collecting, in the place of a dead one, gets work once it knows the tests. What
+        # it got before would never reach it, and the crash of another one would be lost.
+        if node.shutting_down or node not in self.registered_collections:
             return
         # A worker begins a test when it knows the one after it: a single one in its hands is never begun.
         while self.workqueue and self._pending_of(self.assigned_work[node]) <= 2:

@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from collections import OrderedDict
 from pathlib import Path
 
 import pytest
@@ -32,8 +33,7 @@ FILES = {
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
-# with two, xdist itself may stumble over the second worker that dies in the same moment
-@pytest.mark.parametrize("workers", ["1"])
+@pytest.mark.parametrize("workers", ["1", "2"])
 def test_workers_that_die_do_not_end_the_others_run(tmp_path, workers):
     pytest.importorskip("xdist")
     (tmp_path / "conftest.py").write_text(CONFTEST)
@@ -48,3 +48,37 @@ def test_workers_that_die_do_not_end_the_others_run(tmp_path, workers):
     )
     assert told.returncode == 1
     assert "4 failed, 15 passed" in told.stdout
+
+
+class Worker:
+    """A worker that remembers what it was told."""
+
+    shutting_down = False
+
+    def __init__(self):
+        self.told = []
+
+    def send_runtest_some(self, places):
+        self.told += places
+
+    def shutdown(self):
+        self.shutting_down = True
+
+
+def test_a_worker_that_dies_while_another_takes_the_place_of_one_loses_nothing():
+    """The one in the place of the first is still collecting when the second dies."""
+    distribution = pytest.importorskip("distribution")
+    files = {name: {f"{name}::{test}": False for test in "abc"} for name in ("one.py", "two.py")}
+    tests = [test for file in files.values() for test in file]
+    scheduler = distribution.SchedulingPastCrashes.__new__(distribution.SchedulingPastCrashes)
+    dying, collecting = Worker(), Worker()
+    scheduler.workqueue = OrderedDict({"two.py": files["two.py"]})
+    scheduler.assigned_work = {dying: {"one.py": files["one.py"]}, collecting: {}}
+    scheduler.registered_collections = {dying: tests}
+    assert scheduler.remove_node(dying) == "one.py::a"
+    assert collecting.told == []
+    assert not collecting.shutting_down
+    assert list(scheduler.workqueue) == ["two.py", "one.py"]
+    scheduler.registered_collections[collecting] = tests
+    scheduler._reschedule(collecting)
+    assert [tests[place] for place in collecting.told] == tests[3:]
