@@ -26,12 +26,24 @@ class SchedulingPastCrashes(LoadFileScheduling):
         return crashed
 
     def _reschedule(self, node):
-        # One that is still collecting, in the place of a dead one, gets work once it knows the tests. What
-        # it got before would never reach it, and the crash of another one would be lost.
+        # One that is still collecting, in the place of a dead one, gets work once it knows the tests.
+        # What it got before would never reach it, and the crash of another would be lost.
         if node.shutting_down or node not in self.registered_collections:
             return
         # A worker begins a test when it knows the one after it: a single one in its hands is never begun.
         while self.workqueue and self._pending_of(self.assigned_work[node]) <= 2:
+            waiting = len(self.workqueue)
             self._assign_work_unit(node)
+            if len(self.workqueue) == waiting:
+                return
         if not self.workqueue:
             node.shutdown()
+
+    def _assign_work_unit(self, node):
+        file = next(iter(self.workqueue))
+        try:
+            super()._assign_work_unit(node)
+        except OSError:
+            # it is dead and not missed yet: the work goes back, for others once it is
+            self.workqueue[file] = self.assigned_work[node].pop(file)
+            self.workqueue.move_to_end(file, last=False)

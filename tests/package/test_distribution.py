@@ -53,12 +53,14 @@ def test_workers_that_die_do_not_end_the_others_run(tmp_path, workers):
 class Worker:
     """A worker that remembers what it was told."""
 
-    shutting_down = False
+    shutting_down = dead = False
 
     def __init__(self):
         self.told = []
 
     def send_runtest_some(self, places):
+        if self.dead:
+            raise OSError("cannot send (already closed?)")
         self.told += places
 
     def shutdown(self):
@@ -80,5 +82,10 @@ def test_a_worker_that_dies_while_another_takes_the_place_of_one_loses_nothing()
     assert not collecting.shutting_down
     assert list(scheduler.workqueue) == ["two.py", "one.py"]
     scheduler.registered_collections[collecting] = tests
+    collecting.dead = True  # and nobody knows yet
+    scheduler._reschedule(collecting)
+    assert list(scheduler.workqueue) == ["two.py", "one.py"]
+    assert scheduler.assigned_work[collecting] == {}
+    collecting.dead = False
     scheduler._reschedule(collecting)
     assert [tests[place] for place in collecting.told] == tests[3:]
