@@ -198,7 +198,8 @@ def _searched(
 
         def callback(stage: str, done: int, total: int) -> None:
             words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
-            progress.at(done, total, words)
+            # a descent ends as soon as it has converged
+            progress.at(done, total, words, most=stage != "sample")
 
         def keep(problem, designs, found) -> None:
             solved.append((designs, found.values, found.ok))

@@ -10,8 +10,9 @@ from scipy import stats
 
 from jaxcomp import BadInput, Collocation, load, problem, tolerance, within
 from jaxcomp.study import AnalysisOptions
+from jaxcomp.study.sweep._blocks import default_width
 from jaxcomp.study.tolerance import scatter_of
-from jaxcomp.study.tolerance._moments import local, sampled
+from jaxcomp.study.tolerance._moments import local, sampled, solved_rows
 from jaxcomp.study.tolerance._reliability import reliability
 from jaxcomp.study.tolerance.interface import Limit
 
@@ -432,3 +433,21 @@ def test_parts_have_names_and_not_paths(path, words):
     from jaxcomp.study.interface import variable_label
 
     assert variable_label(load("hermetic-68cc").machine, path) == words
+
+
+def test_the_first_machines_come_alone_so_that_a_forecast_is_early(scene):
+    made = problem(scene, [BORE], ["mechanical_efficiency"])
+    width = default_width(made, jax.local_devices())
+    rows = np.linspace(0.125, 0.135, 2 * width + 1)[:, None]
+    counts = []
+
+    def keep(rows, values, ok):
+        counts.append(len(rows))
+
+    values, ok = solved_rows(made, rows, keep=keep)
+    assert counts == [width, len(rows)]
+    assert ok.all()
+    # those of one design at a time, to the tolerance of the solver
+    alone, _ = solved_rows(made, rows[-1:])
+    np.testing.assert_allclose(values[-1:], alone, rtol=1e-11)
+    assert solved_rows(made, rows[:0])[0].shape == (0, 1)

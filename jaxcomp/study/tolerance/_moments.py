@@ -14,6 +14,7 @@ error of what all of them together say, whatever the kind of sampling.
 """
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import equinox as eqx
@@ -228,7 +229,9 @@ def solved_rows(
     rows, devices = np.asarray(rows), jax.local_devices()
     width = default_width(problem, devices) if problem.options.known is None else _WIDE
     size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
-    blocks = ((first, rows[first : first + size]) for first in range(0, len(rows), size))
+    # the first one is small, so that a forecast of the rest comes early
+    edges = sorted({0, *range(min(width, size), len(rows), size), len(rows)})
+    blocks = ((first, rows[first:end]) for first, end in pairwise(edges))
     values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
     title, show = progress or "", progress is not None
     with progress_of(title, len(rows), unit="machines", show=show) as shown:
