@@ -183,7 +183,8 @@ class Progress:
         left, least = "", "at most " if most else ""
         if self._total and done > before:
             seconds = (self._total - done) * max(here[0] - begun, 0.0) / (done - before)
-            left = f"{least}{_span(seconds)} left"
+            # what rounds to nothing is left out: after the first piece it may be compiling alone
+            left = f"{least}{_span(seconds)} left" if seconds >= 0.5 else ""
         if self._bar is not None:
             self._bar.update(
                 self._task, completed=done, total=self._total, description=self._text, left=left
