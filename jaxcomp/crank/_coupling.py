@@ -127,6 +127,7 @@ def orbit_with_cylinder(
 
 def _is_marched(compressor: Compressor, solver) -> bool:
     """Whether the cycle has no derivatives."""
+    assert isinstance(compressor.gas, Cylinder)
     return solver.cycle.method == "march" or not compressor.gas.inert
 
 

@@ -226,7 +226,7 @@ def test_pictures_show_the_pressure_and_the_end():
     )
     motion = plot.interface.transient_figure(found, "air", 0.1)
     course = motion.axes[1].lines[0].get_ydata()
-    np.testing.assert_allclose(course, np.asarray(found.gas.pressure[0]) / 1e5)
+    np.testing.assert_allclose(course, np.asarray(found.gas.pressure[0]) / 1e6)
     close = plot.interface.transient_gas_figure(found, "air", 0.1)
     assert len(close.axes[0].lines) == 2  # the pressure, and the instant of power-off
     lift = close.axes[1].lines[0].get_ydata()

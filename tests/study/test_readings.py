@@ -265,7 +265,9 @@ def test_a_map_for_energyplus_is_read_back(tmp_path):
     with pytest.raises(SceneError, match="is no compressor of the file, but X"):
         read_readings(f"{file}#Y")
     file.write_text(text.replace("X power, !- Name", "Y power, !- Name"))
-    with pytest.raises(SceneError, match="X power: is a Curve:Bicubic that is missing"):
+    with pytest.raises(
+        SceneError, match='"X power": must be the name of a Curve:Bicubic before the compressor X'
+    ):
         read_readings(file)
 
 
