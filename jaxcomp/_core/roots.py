@@ -203,10 +203,7 @@ def settle(
     """
 
     def going_on(carry):
-        _, _, report, *_ = carry
-        # An iteration that is lost reports exactly this change; the first report has half of it.
-        moving = report.change < 2 * _RUNAWAY
-        return moving & ~report.settled & (report.steps < max_iterations)
+        return _goes_on(carry[2], max_iterations)
 
     def advance(carry):
         value, data, last, share, lowest, waited = carry
@@ -220,8 +217,7 @@ def settle(
         settled, lowest, waited = _ended(change, lowest, waited, tolerance, rounding)
         return new, data, FixedPointReport(last.steps + 1, change, settled), share, lowest, waited
 
-    first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-    begin = (start, beside, first, jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
+    begin = (start, beside, _begun(), jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 
@@ -268,9 +264,7 @@ def mix(
     outputs = jax.tree.map(lambda leaf: jnp.stack([leaf] * _DEPTH), start)
 
     def going_on(carry):
-        _, _, report, *_ = carry
-        moving = report.change < 2 * _RUNAWAY
-        return moving & ~report.settled & (report.steps < max_iterations)
+        return _goes_on(carry[2], max_iterations)
 
     def advance(carry):
         value, data, last, lowest, waited, changes, outputs = carry
@@ -292,8 +286,7 @@ def mix(
         report = FixedPointReport(last.steps + 1, size, settled)
         return value, data, report, lowest, waited, changes, outputs
 
-    first = FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
-    begin = start, beside, first, jnp.asarray(_RUNAWAY), jnp.asarray(0), changes, outputs
+    begin = start, beside, _begun(), jnp.asarray(_RUNAWAY), jnp.asarray(0), changes, outputs
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 
@@ -315,6 +308,17 @@ def _weights(changes: Float[Array, "depth n"], steps: Int[Array, ""]) -> Float[A
     normal = bends @ bends.T + jnp.diag(jnp.where(usable, _PARALLEL, 1.0))
     of_earlier = jnp.linalg.solve(normal, bends @ changes[0]) / length
     return jnp.concatenate([1 - jnp.sum(of_earlier, keepdims=True), of_earlier])
+
+
+def _begun() -> FixedPointReport:
+    """The report before the first iteration, with half of the change that a lost one has."""
+    return FixedPointReport(jnp.asarray(0), jnp.asarray(_RUNAWAY), jnp.asarray(False))
+
+
+def _goes_on(report: FixedPointReport, max_iterations: int) -> Bool[Array, ""]:
+    """Whether there is another iteration after a report: neither lost, nor settled, nor one too many."""
+    moving = report.change < 2 * _RUNAWAY
+    return moving & ~report.settled & (report.steps < max_iterations)
 
 
 def _ended(change, lowest, waited, tolerance, rounding=0.0):

@@ -53,7 +53,8 @@ from ..cylinder.interface import (
 from ..motor import ConstantSpeed
 from ._collocation import Collocation
 from ._orbit import Orbit
-from ._warming import LARGEST_RISE, at_rise, first_rise, law_of, rise_after
+from ._performance import law_of
+from ._warming import LARGEST_RISE, at_rise, first_rise, rise_after
 
 # [-] Change by a step at which crank and cycle agree; of a cycle that is marched, which repeats within
 # 1e-7 and is not smooth in the motion below that.
@@ -101,8 +102,7 @@ def orbit_with_cylinder(
     assert isinstance(compressor.gas, Cylinder)
     even = even or isinstance(compressor.motor, ConstantSpeed)
     if _is_marched(compressor, solver):
-        numbers, others = eqx.partition(compressor, eqx.is_inexact_array)
-        compressor = eqx.combine(values_only(numbers), others)
+        compressor = values_only(compressor)
     if even and law_of(compressor) is None:
         # the pressure depends on nothing that the crank does
         speed = compressor.motor.speed_guess
@@ -117,8 +117,6 @@ def orbit_with_cylinder(
         (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, known)
         if motion.rise is not None:
             agreed &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
-    if found is not None:
-        cycle = _with_status_of(cycle, found.cycle)
     status = Status.where(agreed, orbit.status, Status.not_converged)
     status = Status.where(cycle.converged, status, cycle.status)
     orbit = eqx.tree_at(lambda o: o.status, orbit, status)
@@ -320,11 +318,6 @@ def _cylinders(compressor: Compressor):
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
     """The motion of the crank under the pressure of a cycle."""
     return solver.solve(replaced(compressor, gas=cycle.gas()))
-
-
-def _with_status_of(cycle: Cycle | SeveralCycles, found: Cycle | SeveralCycles):
-    """A cycle that was followed, which ended as the one that was found."""
-    return eqx.tree_at(lambda c: of_each(c).status, cycle, of_each(found).status)
 
 
 def _with_cycle(orbit: Orbit, cycle: Cycle | SeveralCycles) -> Orbit:

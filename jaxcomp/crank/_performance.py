@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from .._core.results import Data, Result
 from ..compressor import Compressor
-from ..cylinder import Cycle, Cylinder
+from ..cylinder import Cycle, Cylinder, SuctionWarming
 from ..cylinder.interface import SeveralCycles
 from ._orbit import Orbit
 
@@ -78,6 +78,12 @@ class Performance(Result, eqx.Module):
         return (power - sum(self.heat.values(), start=jnp.zeros(()))) / (power + (power == 0))
 
 
+def law_of(compressor: Compressor) -> SuctionWarming | None:
+    """The law of the rise of the suction gas, if there is one."""
+    gas = compressor.gas
+    return gas.suction.warming if isinstance(gas, Cylinder) else None
+
+
 def electric_power(compressor: Compressor, orbit: Orbit) -> Float[Array, ""]:
     """[W] Of the motor of a solved orbit; its shaft power where it has no `losses`."""
     losses, shaft = compressor.motor.losses, orbit.motor_power
@@ -136,8 +142,7 @@ def _heat(
     Every part is summed by itself, so that they add up to the electric power only where the gas keeps
     its energy and a law of warming is met.
     """
-    case, gas = cycle.case, compressor.gas
-    law = gas.suction.warming if isinstance(gas, Cylinder) else None
+    case, law = cycle.case, law_of(compressor)
     gained = cycle.totals.discharge_heat - cycle.totals.discharge * case.comes.h
     refrigerant = gained * cycle.frequency
     if law is None:

@@ -277,8 +277,7 @@ def _simulate_gas(
     machine: Compressor, options: TimeIntegration, until_rest, duration, angle, speed, off
 ):
     good = admissible(machine)
-    numbers, rest = eqx.partition(clipped(machine), eqx.is_inexact_array)
-    compressor = eqx.combine(values_only(numbers), rest)
+    compressor = values_only(clipped(machine))
     law, marched = march_with_gas(compressor, options, until_rest, duration, angle, speed, off)
     end, dense = marched.angle / law.pace, DenseSteps(marched.record, law.pace, law.unravel)
     time = jnp.linspace(0.0, 1.0, options.samples) * end

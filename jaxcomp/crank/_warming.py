@@ -8,20 +8,14 @@ from jaxtyping import Array, Float
 
 from .._core.fields import replaced
 from ..compressor import Compressor
-from ..cylinder import Cylinder, SuctionWarming
+from ..cylinder import Cylinder
 from ._orbit import Orbit
-from ._performance import electric_power, flow_of_gas
+from ._performance import electric_power, flow_of_gas, law_of
 
 # [K] At the beginning, where the line says nothing.
 _FIRST = 15.0
 # [K] Most that a law may give, within the range of the fluids; there nothing counts as solved.
 LARGEST_RISE = 200.0
-
-
-def law_of(compressor: Compressor) -> SuctionWarming | None:
-    """The law of the rise of the suction gas, if there is one."""
-    gas = compressor.gas
-    return gas.suction.warming if isinstance(gas, Cylinder) else None
 
 
 def first_rise(compressor: Compressor) -> Float[Array, ""] | None:

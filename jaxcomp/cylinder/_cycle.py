@@ -352,7 +352,8 @@ def nonzero(value):
 
 def values_only(tree):
     """A copy that refuses to be differentiated: derivatives of the quasi-steady law err by per cent."""
-    return jax.tree.map(_refuse, tree)
+    numbers, others = eqx.partition(tree, eqx.is_inexact_array)
+    return eqx.combine(jax.tree.map(_refuse, numbers), others)
 
 
 @jax.custom_jvp

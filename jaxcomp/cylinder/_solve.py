@@ -196,7 +196,9 @@ def solve_cycles(
 def follow_cycles(
     cylinder: Cylinder, mechanisms, phase, speed, pace, found: Cycle | SeveralCycles
 ) -> Cycle | SeveralCycles:
-    """Cycles that have been found, with their dependence on the machine; nothing is solved.
+    """Cycles that have been found, with their dependence on the machine and how they ended.
+
+    Nothing is solved.
 
     Args:
         cylinder, mechanisms, phase, speed, pace: as in `solve_cycles`.
@@ -205,14 +207,16 @@ def follow_cycles(
 
     def one(mechanism, pace, cycle):
         system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
-        return cycle_of(system, solution_of(cycle), False)
+        followed = cycle_of(system, solution_of(cycle), False)
+        return eqx.tree_at(lambda c: c.status, followed, cycle.status)
 
     if isinstance(found, Cycle):
         return one(mechanisms[0], pace, found)
     if found.together is None:
         return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
     system = _together(cylinder, stacked(mechanisms), phase, speed, pace)
-    return cycles_of(system, solution_of(found), False)
+    followed = cycles_of(system, solution_of(found), False)
+    return eqx.tree_at(lambda c: c.each.status, followed, found.each.status)
 
 
 def over_cylinders(tree, count: int):
@@ -250,10 +254,10 @@ def pace_of(
 
 @eqx.filter_jit
 def _followed(cylinder, mechanism, speed, pace, found: Cycle) -> Cycle:
-    """A cycle that was found, with its dependence on the machine and its status."""
     machine = clipped(cylinder), (clipped(mechanism),)
-    cycle = follow_cycles(*machine, jnp.zeros(1), speed, pace, found)
-    return eqx.tree_at(lambda c: c.status, cycle, found.status)
+    followed = follow_cycles(*machine, jnp.zeros(1), speed, pace, found)
+    assert isinstance(followed, Cycle)
+    return followed
 
 
 @eqx.filter_jit
@@ -292,8 +296,7 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
     """What `cycle_of` and `cycles_of` make cycles of."""
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
-        arrays, rest = eqx.partition(system, eqx.is_inexact_array)
-        system = eqx.combine(values_only(arrays), rest)
+        system = values_only(system)
     frozen = lax.stop_gradient(system)
     solve = _march_only if marching else _rounds
     found = solve(frozen, options, start)
