@@ -167,6 +167,13 @@ def _dew(fluid: AbstractFluid, pressure, saturated):
     return fluid.dew_temperature(pressure) if isinstance(fluid, RealGas) else 0.0
 
 
+def _bubble(fluid: RealGas, pressure, saturated):
+    """[K] Bubble temperature at the pressure of a line, or at that of its dew temperature."""
+    if not fluid.has_glide:
+        return _dew(fluid, pressure, saturated)
+    return fluid.bubble_temperature(fluid.dew_pressure(saturated) if pressure is None else pressure)
+
+
 def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid, line = cylinder.fluid, cylinder.suction
     if isinstance(fluid, RealGas) and line.evaporating is not None:
@@ -218,8 +225,9 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         yield _Limit("discharge.temperature", line.temperature, inside, "K", why)
     if not isinstance(fluid, RealGas):
         return
+    boiling = _bubble(fluid, line.pressure, line.condensing)
     if line.liquid_temperature is not None:
-        most = dew + _NEAR  # traced within `jit`, even where the dew temperature is known
+        most = boiling + _NEAR  # traced within `jit`, even where the bubble temperature is known
         tools = jnp if is_traced(most) else np
         most = tools.minimum(most, 0.9999 * fluid.critical_temperature)
         why = f"triple point of {fluid.name} and saturation at the discharge pressure"
@@ -227,7 +235,7 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         yield _Limit("discharge.liquid_temperature", line.liquid_temperature, inside, "K", why)
     if line.subcooling is not None:
         why = f"above the triple point of {fluid.name}, {low:g} K"
-        yield _Limit("discharge.subcooling", line.subcooling, Bound(0.0, dew - low), "K", why)
+        yield _Limit("discharge.subcooling", line.subcooling, Bound(0.0, boiling - low), "K", why)
 
 
 def _dry_limits(cylinder: Cylinder) -> Iterator[_Limit]:

@@ -76,8 +76,8 @@ class DischargeLine(Part):
         pressure: [Pa] absolute.
         condensing: [K] dew temperature, instead of the pressure.
         temperature: [K] of the gas that flows back; that of isentropic compression if absent.
-        subcooling: [K] of the liquid before the expansion below the condensing temperature, for the
-            capacity; none if absent.
+        subcooling: [K] of the liquid before the expansion below the bubble temperature at the pressure,
+            for the capacity; none if absent. Without glide that is the condensing temperature.
         liquid_temperature: [K] of that liquid, instead of the subcooling.
         plenums: between valve and line, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the pressure of the line.
@@ -103,7 +103,10 @@ class DischargeLine(Part):
         usual=(150.0, 700.0),
     )
     subcooling: Float[Array, ""] | None = quantity(
-        "K", NONNEGATIVE, default=None, doc="of the liquid before the expansion; none if absent"
+        "K",
+        NONNEGATIVE,
+        default=None,
+        doc="of the liquid before the expansion, below its bubble temperature; none if absent",
     )
     liquid_temperature: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="of that liquid, instead of the subcooling"
@@ -116,26 +119,26 @@ class DischargeLine(Part):
             raise ValueError("give `subcooling` or `liquid_temperature`, not both.")
 
     def liquid_enthalpy(self, fluid: AbstractFluid) -> Float[Array, ""]:
-        """[J/kg] of the saturated liquid at the temperature before the expansion.
+        """[J/kg] of the liquid before the expansion, at the pressure of the line.
 
-        Not a number above the critical point, where there is no liquid.
+        Not a number above the critical temperature, where there is no liquid.
 
         Raises:
             TypeError: a perfect gas, which has no liquid.
         """
         if not isinstance(fluid, RealGas):
             raise TypeError("a cooling capacity needs a real gas.")
-        temperature = self.liquid_temperature
-        if temperature is None:
-            less = 0.0 if self.subcooling is None else self.subcooling
-            if self.condensing is None:
-                temperature = fluid.saturation(p=self.pressure).T - less
-            else:
-                temperature = self.condensing - less
+        pressure, temperature = self.pressure, self.liquid_temperature
+        if pressure is None or temperature is None:
+            saturated = fluid.saturation(self.condensing, pressure)
+            pressure = saturated.p
+            if temperature is None:
+                # Below the bubble point: a blend that is at its dew point has only begun to condense.
+                subcooling = 0.0 if self.subcooling is None else self.subcooling
+                temperature = saturated.T_bubble - subcooling
         is_liquid = temperature < fluid.critical_temperature
-        known = jnp.where(is_liquid, temperature, 0.99 * fluid.critical_temperature)
-        liquid = fluid.saturation(T=known)
-        return jnp.where(is_liquid, fluid.state(liquid.T, liquid.liquid).h, jnp.nan)
+        below = jnp.where(is_liquid, temperature, 0.99 * fluid.critical_temperature)
+        return jnp.where(is_liquid, fluid.liquid(below, pressure).h, jnp.nan)
 
     def states(self, fluid: AbstractFluid, suction: GasState) -> tuple[GasState, GasState]:
         """The gas in the line, and the end of the isentropic compression to its pressure."""

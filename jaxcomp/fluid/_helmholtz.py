@@ -31,12 +31,14 @@ class Saturation(NamedTuple):
         p: [Pa] of the vapour, on the dew line.
         liquid: [kg/m^3] density on the bubble line.
         vapour: [kg/m^3] density on the dew line.
+        T_bubble: [K] at which liquid boils at `p`: below `T` by the glide of a pseudo-pure fluid.
     """
 
     T: Float[Array, ""]
     p: Float[Array, ""]
     liquid: Float[Array, ""]
     vapour: Float[Array, ""]
+    T_bubble: Float[Array, ""]
 
 
 def fluids() -> list[str]:
@@ -72,10 +74,10 @@ def _arrays(tree: Any) -> Any:
 
 
 @cache
-def dew_curve(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """[K] and logarithms of [Pa] along the dew line; straight between them it errs by 1 mK."""
+def saturation_curve(name: str, line: str = "dew") -> tuple[np.ndarray, np.ndarray]:
+    """[K] and logarithms of [Pa] along the dew or bubble line; straight between them it errs by 1 mK."""
     data = fluid_data(name)
-    curve = data["dew_pressure"]
+    curve = data[f"{line}_pressure"]
     # Even in 1/T, over which the logarithm of the pressure is nearly straight.
     T = 1 / np.linspace(1 / data["T_least"], 1 / data["T_critical"], 400)
     theta = np.maximum(1 - T / curve["T_r"], 0.0)[:, None]

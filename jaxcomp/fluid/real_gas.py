@@ -16,11 +16,11 @@ from ._base import AbstractFluid, GasState, SmallSystem
 from ._helmholtz import (
     Saturation,
     ancillary,
-    dew_curve,
     fluid_data,
     ideal_terms,
     poly,
     residual_terms,
+    saturation_curve,
 )
 
 _NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits
@@ -61,20 +61,41 @@ class RealGas(AbstractFluid):
         """[K]"""
         return self.data["T_critical"]
 
+    @property
+    def has_glide(self) -> bool:
+        """Whether dew and bubble temperature at a pressure differ, as those of a blend do."""
+        return self.data["pseudo_pure"]
+
     def dew_temperature(self, p):
         """[K] Dew temperature at pressures [Pa] by the ancillary curve, to about 0.1 K.
 
         Beyond the curve that of its end: the critical temperature, or the lowest of the fluid.
         Known pressures give numbers of NumPy, for checks that shall compile nothing.
         """
-        tools = jnp if is_traced(p) else np
-        T, log_p = dew_curve(self.name)
-        return tools.interp(tools.log(p), log_p, T)
+        return self._temperature(p, "dew")
 
     def dew_pressure(self, T):
         """[Pa] The inverse of `dew_temperature`."""
         tools = jnp if is_traced(T) else np
-        return tools.exp(tools.interp(T, *dew_curve(self.name)))
+        return tools.exp(tools.interp(T, *saturation_curve(self.name)))
+
+    def bubble_temperature(self, p):
+        """[K] At which liquid begins to boil at pressures [Pa]; else as `dew_temperature`."""
+        return self._temperature(p, "bubble" if self.has_glide else "dew")
+
+    def _temperature(self, p, line: str):
+        tools = jnp if is_traced(p) else np
+        T, log_p = saturation_curve(self.name, line)
+        return tools.interp(tools.log(p), log_p, T)
+
+    def bubble_of_dew(self, T: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[K] Bubble temperatures at the pressures of dew temperatures `T` [K], to rounding.
+
+        Those of a pure fluid are the dew temperatures themselves, and nothing is computed.
+        """
+        if not self.has_glide:
+            return T
+        return jnp.vectorize(lambda T: self._saturation(T, None).T_bubble)(jnp.asarray(T))
 
     def state(self, T, rho):
         data = self.data
@@ -123,6 +144,33 @@ class RealGas(AbstractFluid):
                 most = float(self.dew_pressure(np.asarray(T) + _NEAR))
             self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
         return super().density(T, p)
+
+    @eqx.filter_jit
+    def liquid(self, T: Float[Array, ""], p: Float[Array, ""]) -> GasState:
+        """The liquid at a temperature `T` [K] and a pressure `p` [Pa], compressed above saturation.
+
+        Sought from the density of the boiling liquid at that temperature, so that a liquid that is
+        slightly too warm for its pressure is found as well.
+        """
+
+        def misfit(rho, inputs):
+            fluid, T, p = inputs
+            return fluid.state(T, rho).p / p - 1
+
+        def solve(inputs):
+            fluid, T, p = inputs
+
+            def newton(_, rho):
+                state = fluid.state(T, rho)
+                # Near the critical point the slope goes to zero, and a step would leave the liquid.
+                slope = jnp.maximum(state.dp_drho, 1e-2 * fluid.specific_gas_constant * T)
+                return jnp.clip(rho + (p - state.p) / slope, 0.95 * rho, 1.05 * rho)
+
+            # p(rho) of a liquid bends up: from any density the second step is on the steep side, and
+            # Newton's method comes down to the root without passing it.
+            return lax.fori_loop(0, 12, newton, ancillary(fluid.data["liquid_density"], T))
+
+        return self.state(T, root(SmallSystem(misfit, solve, (self, T, p))))
 
     def _require(self, name: str, value, bound: Bound, why: str) -> None:
         if not np.all(bound.inside(np.asarray(value))):
@@ -195,4 +243,27 @@ class RealGas(AbstractFluid):
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
 
         T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, given)))
-        return Saturation(T, self.state(T, vapour).p, liquid, vapour)
+        pressure = self.state(T, vapour).p
+        boiling = self._bubble_point(pressure, T) if data["pseudo_pure"] else T
+        return Saturation(T, pressure, liquid, vapour, boiling)
+
+    def _bubble_point(self, p, T):
+        """[K] Bubble temperature of a pseudo-pure fluid at a pressure [Pa], sought from its dew point."""
+        curve = self.data["bubble_pressure"]
+        ends = self.data["T_least"], 0.9999 * self.data["T_critical"]
+
+        def misfit(log_T, log_p):
+            return jnp.log(ancillary(curve, jnp.exp(log_T))) - log_p
+
+        def solve(inputs):
+            log_p, start = inputs
+
+            def newton(_, log_T):
+                excess, slope = jax.value_and_grad(misfit)(log_T, log_p)
+                return jnp.clip(log_T - excess / slope, *np.log(ends))
+
+            return lax.fori_loop(0, 8, newton, start)
+
+        # the root does not depend on where it was sought from
+        inputs = jnp.log(p), lax.stop_gradient(jnp.log(T))
+        return jnp.exp(root(SmallSystem(lambda x, inputs: misfit(x, inputs[0]), solve, inputs)))

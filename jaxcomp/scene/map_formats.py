@@ -356,8 +356,10 @@ def _states(metadata: Mapping[str, str], fluid: RealGas, S, D):
         return number * size + zero
 
     gas = kelvins("return_gas") + 0 * S if "return_gas" in metadata else S + kelvins("superheat")
-    liquid = kelvins("liquid") + 0 * D if "liquid" in metadata else D - kelvins("subcooling")
-
+    if "liquid" in metadata:
+        liquid = kelvins("liquid") + 0 * D
+    else:
+        liquid = fluid.bubble_of_dew(D) - kelvins("subcooling")
     points = (jnp.asarray(x, float) for x in (S, D, gas, liquid))
     return tuple(np.asarray(x) for x in _states_at(fluid, *points))
 
@@ -370,6 +372,6 @@ def _states_at(fluid: RealGas, evaporating, condensing, gas, liquid):
         low, high = fluid.saturation(T=evaporating).p, fluid.saturation(T=condensing).p
         comes = fluid.state(gas, fluid.density(gas, low))
         rise = fluid.at_entropy(high, comes.s, comes).h - comes.h
-        return comes.rho, rise, capacity_rise(fluid, evaporating, gas, liquid)
+        return comes.rho, rise, capacity_rise(fluid, evaporating, condensing, gas, liquid)
 
     return jax.vmap(at_point)(evaporating, condensing, gas, liquid)

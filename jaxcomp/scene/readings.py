@@ -7,9 +7,10 @@ Readings have one point a line and units in the heads; lines that begin with `#`
     -5,30,18.3,0,14367,3382
 
 Both temperatures are dew temperatures. The gas is told by `return_gas` or `superheat`, the liquid by
-`liquid` or `subcooling`; `useful_superheat [K]` is how much superheat counts as capacity, all if absent.
-Conditions that are the same at all points may stand in the metadata (`# return_gas = 18.3 degC`), and an
-empty cell was not measured. `sd(power) [W]`, or in `[%]`, has the standard deviations.
+`liquid` or by `subcooling`, which counts from its bubble temperature; `useful_superheat [K]` is how much
+superheat counts as capacity, all if absent. Conditions that are the same at all points may stand in the
+metadata (`# return_gas = 18.3 degC`), and an empty cell was not measured. `sd(power) [W]`, or in `[%]`,
+has the standard deviations.
 
 Polynomials have a head `quantity,unit,C1,...` with 10, 20 or 30 coefficients and a line a quantity,
 with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `terms_of`.
@@ -163,13 +164,22 @@ def _readings(
             raise SceneError(key, "must be given at every point, and has an empty cell")
     S, D = conditions["evaporating"], conditions["condensing"]
     gas = conditions["return_gas"] if "return_gas" in conditions else S + conditions["superheat"]
-    liquid = conditions["liquid"] if "liquid" in conditions else D - conditions["subcooling"]
+    subcooling = conditions.get("subcooling")
+    # of a fluid without glide; only the machine's fluid tells the glide of another
+    liquid = conditions["liquid"] if subcooling is None else D - subcooling
     useful = S + conditions["useful_superheat"] if "useful_superheat" in conditions else gas
     speed = conditions.get("speed", np.full(count, np.nan))
     fluid = word_setting(metadata, "fluid")
     given = (S, D, gas, liquid, useful, speed, values, deviations)
     made = bends is not None
-    return Readings(name, *given, polynomial=made, fluid=fluid, bends=bends or ())
+    return Readings(
+        name,
+        *given,
+        polynomial=made,
+        fluid=fluid,
+        bends=bends or (),
+        by_subcooling=subcooling is not None,
+    )
 
 
 def _conditions_of(

@@ -50,7 +50,7 @@ class Rating(NamedTuple):
         return_gas: [K] its temperature; `None` where the superheat is given.
         superheat: [K]
         liquid: [K] its temperature; `None` where the subcooling is given.
-        subcooling: [K]
+        subcooling: [K] below the bubble temperature at the condenser's pressure.
         doc: one sentence.
     """
 
@@ -283,18 +283,20 @@ class RatingPoint(NamedTuple):
     speed: Float[Array, ""]
 
 
-def capacity_rise(fluid: RealGas, evaporating, useful, liquid) -> Float[Array, ""]:
+def capacity_rise(fluid: RealGas, evaporating, condensing, useful, liquid) -> Float[Array, ""]:
     """[J/kg] of enthalpy between liquid and useful gas; capacity over mass flow.
 
     Args:
         fluid: the refrigerant.
         evaporating: [K] dew temperature.
+        condensing: [K] dew temperature, whose pressure the liquid has.
         useful: [K] of the gas.
-        liquid: [K]
+        liquid: [K] of the liquid, at most its bubble temperature.
     """
-    pressure, wet = fluid.saturation(T=evaporating).p, fluid.saturation(T=liquid)
-    gas = fluid.state(useful, fluid.density(useful, pressure))
-    return gas.h - fluid.state(wet.T, wet.liquid).h
+    low = fluid.saturation(T=evaporating).p
+    high = fluid.saturation(T=condensing).p
+    gas = fluid.state(useful, fluid.density(useful, low))
+    return gas.h - fluid.liquid(liquid, high).h
 
 
 def rated(
@@ -321,7 +323,9 @@ def rated(
     gas = here.gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, RealGas)
-    worth = capacity_rise(gas.fluid, point.evaporating, point.useful, point.liquid)
+    worth = capacity_rise(
+        gas.fluid, point.evaporating, point.condensing, point.useful, point.liquid
+    )
     capacity = values["mass_flow"] * worth
     values |= {"capacity": capacity, "cop": capacity / values["power"]}
     return jnp.stack([values[name] for name, *_ in QUANTITIES]), ok

@@ -61,6 +61,8 @@ class Readings(AbstractMeasurement):
         fluid: as the source names it; "" where it does not.
         bends: where a polynomial bends as no compressor does, in words.
         factors: [rad/s] speeds at which flow and power have factors of their own.
+        by_subcooling: whether `liquid` is the condensing temperature less a subcooling, which counts from
+            the bubble temperature: `liquid_of` takes the glide of the machine's fluid off.
     """
 
     source: str = field(compare=False)
@@ -76,6 +78,7 @@ class Readings(AbstractMeasurement):
     fluid: str = field(compare=False, default="")
     bends: tuple[str, ...] = field(compare=False, default=())
     factors: tuple[float, ...] = field(compare=False, default=())
+    by_subcooling: bool = field(compare=False, default=False)
     solver: Any = None
 
     names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
@@ -85,6 +88,17 @@ class Readings(AbstractMeasurement):
         """(n,) such as "-5/30 C"."""
         pairs = zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True)
         return [f"{s:.4g}/{d:.4g} C" for s, d in pairs]
+
+    def liquid_of(self, fluid: RealGas) -> NDArray:
+        """[K] (n,) temperature of the liquid of a fluid before the expansion.
+
+        Subcooling counts from the bubble point, which a file of readings cannot know: the machine has
+        the fluid.
+        """
+        if not self.by_subcooling:
+            return self.liquid
+        glide = self.condensing - np.asarray(fluid.bubble_of_dew(self.condensing))
+        return self.liquid - glide
 
     def deviation(self, name: str, given: Mapping[str, float]) -> NDArray:
         """[SI] (n,) standard deviations of a quantity.
@@ -137,12 +151,6 @@ class Readings(AbstractMeasurement):
             if self.gas[n] > hottest or self.useful[n] > hottest:
                 bound = f"at most {hottest - ZERO:.4g} C"
                 raise BadInput(f"{at}: gas [C]", max(self.gas[n], self.useful[n]) - ZERO, bound)
-            if self.liquid[n] > self.condensing[n] + 1e-9:
-                raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, "at most condensing")
-            coldest = max(self.condensing[n] - _MOST_SUBCOOLING, fluid.data["T_least"])
-            if self.liquid[n] < coldest:
-                bound = f"at least {coldest - ZERO:.4g} C"
-                raise BadInput(f"{at}: liquid [C]", self.liquid[n] - ZERO, bound)
         rows = np.stack([self.evaporating, self.condensing, self.gas, np.nan_to_num(self.speed)])
         _, first, count = np.unique(rows.round(6), axis=1, return_index=True, return_counts=True)
         if (count > 1).any():
@@ -150,9 +158,25 @@ class Readings(AbstractMeasurement):
             raise BadInput(
                 f"{self.source}: points", twice, "there once; give the mean of repeated ones"
             )
+        self._check_liquid(fluid)
         self._check_measured()
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
+
+    def _check_liquid(self, fluid: RealGas) -> None:
+        """Refuse liquid that boils at its pressure, or is colder than any condenser leaves it."""
+        boiling = np.asarray(fluid.bubble_of_dew(self.condensing))
+        liquid = self.liquid_of(fluid)
+        for n, name in enumerate(self.names):
+            at = f"{self.source}: point {name}: liquid [C]"
+            if liquid[n] > boiling[n] + 1e-9:
+                bound = "at most condensing"
+                if boiling[n] < self.condensing[n]:
+                    bound = f"at most {boiling[n] - ZERO:.4g} C, the bubble temperature at that pressure"
+                raise BadInput(at, liquid[n] - ZERO, bound)
+            coldest = max(boiling[n] - _MOST_SUBCOOLING, fluid.data["T_least"])
+            if liquid[n] < coldest:
+                raise BadInput(at, liquid[n] - ZERO, f"at least {coldest - ZERO:.4g} C")
 
     def check_limits(self, machine, varied):
         """Refuse flows above what the piston displaces, and powers below that of isentropic compression.
@@ -162,7 +186,8 @@ class Readings(AbstractMeasurement):
         """
         compressor: Any = machine.as_compressor()
         fluid = compressor.gas.fluid
-        columns = self.evaporating, self.condensing, self.gas, self.useful, self.liquid
+        liquid = self.liquid_of(fluid)
+        columns = self.evaporating, self.condensing, self.gas, self.useful, liquid
         found = _limits(fluid, *(jnp.asarray(column, float) for column in columns))
         density, work, worth = map(np.asarray, found)
         none = np.full(self.evaporating.size, np.nan)
@@ -240,9 +265,9 @@ class Readings(AbstractMeasurement):
         own = np.zeros((speed.size, len(self.factors)))
         for n, other in enumerate(self.factors):
             own[:, n] = np.isclose(speed, other, rtol=_SAME_SPEED)
-        point = RatingPoint(
-            self.evaporating, self.condensing, self.gas, self.liquid, self.useful, speed
-        )
+        gas: Any = machine.as_compressor().gas
+        liquid = self.liquid_of(gas.fluid)
+        point = RatingPoint(self.evaporating, self.condensing, self.gas, liquid, self.useful, speed)
         return point, own
 
     def at(self, machine, nuisances, point):
@@ -283,18 +308,20 @@ class Readings(AbstractMeasurement):
     def _check_capacity(self, fluid: RealGas) -> None:
         ratio = self.measured["capacity"] / self.measured["mass_flow"]
         there = np.isfinite(ratio)
-        rise = jax.jit(jax.vmap(lambda s, u, liquid: capacity_rise(fluid, s, u, liquid)))
+        rise = jax.jit(jax.vmap(lambda s, d, u, liquid: capacity_rise(fluid, s, d, u, liquid)))
+        dew = jnp.asarray(self.evaporating), jnp.asarray(self.condensing)
+        boiling = np.asarray(fluid.bubble_of_dew(self.condensing))
 
         def misfit(useful, liquid):
-            found = np.asarray(rise(jnp.asarray(self.evaporating), useful, liquid))
+            found = np.asarray(rise(*dew, useful, liquid))
             return float(np.sqrt(np.mean((ratio[there] / found[there] - 1) ** 2)))
 
-        own = misfit(jnp.asarray(self.useful), jnp.asarray(self.liquid))
+        own = misfit(jnp.asarray(self.useful), jnp.asarray(self.liquid_of(fluid)))
         if not there.any() or own < _CONTRADICTION:
             return
         pairs = {
             f"useful superheat {heat:g} K and subcooling {cold:g} K": misfit(
-                jnp.asarray(self.evaporating + heat), jnp.asarray(self.condensing - cold)
+                jnp.asarray(self.evaporating + heat), jnp.asarray(boiling - cold)
             )
             for heat in (0, 5, 8.3, 10, 11.1, 15, 20, 30)
             for cold in (0, 3, 5, 8.3, 10, 15)
@@ -316,7 +343,7 @@ def _limits(fluid: RealGas, evaporating, condensing, gas, useful, liquid):
         suction = fluid.state(gas, fluid.density(gas, low))
         warm = jnp.maximum(gas, condensing) + 20.0
         behind = fluid.at_entropy(high, suction.s, fluid.state(warm, fluid.density(warm, high)))
-        worth = capacity_rise(fluid, evaporating, useful, liquid)
+        worth = capacity_rise(fluid, evaporating, condensing, useful, liquid)
         return suction.rho, behind.h - suction.h, worth
 
     return jax.vmap(at)(evaporating, condensing, gas, useful, liquid)

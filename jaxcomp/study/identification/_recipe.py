@@ -96,13 +96,13 @@ def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
 
     @jax.jit
     @jax.vmap
-    def known(s, gas, useful, liquid):
+    def known(s, d, gas, useful, liquid):
         density = fluid.density(gas, fluid.saturation(T=s).p)
-        return density, capacity_rise(fluid, s, useful, liquid)
+        return density, capacity_rise(fluid, s, d, useful, liquid)
 
     volumes, speeds = [np.zeros(0)], [np.zeros(0)]
     for one in readings:
-        at = (one.evaporating, one.gas, one.useful, one.liquid)
+        at = (one.evaporating, one.condensing, one.gas, one.useful, one.liquid_of(fluid))
         density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))
         flow = one.measured.get("mass_flow")
         if flow is None and "capacity" in one.measured:
