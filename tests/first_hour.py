@@ -489,6 +489,11 @@ READINGS = {
     "first run by another name": _readings(
         f"{RUNS_HEAD}\nas is,A,1490,7,238,,\n", "line 2.trial", '"initial"', line=BALANCE
     ),
+    "amplitudes of one trial position": _readings(
+        f"{RUNS_HEAD.replace('phase [deg],', '')}\ninitial,A,1490,7,,\nfirst,A,1490,5,3,0\n",
+        *("trial", "two angles", "phase"),
+        line=BALANCE,
+    ),
     "run without its sensor": _readings(
         f"{RUNS_HEAD}\ninitial,,1490,7,238,,\n", "line 2.target", "name", line=BALANCE
     ),

@@ -4,6 +4,8 @@
 """
 
 from . import interface as interface
+from ._amplitudes import amplitude_influence as amplitude_influence
+from ._amplitudes import balance_each as balance_each
 from ._balance import Balance as Balance
 from ._classical import balance_rotor_alone as balance_rotor_alone
 from ._classical import classical_balance as classical_balance
@@ -16,6 +18,7 @@ from ._influence import direct_influence as direct_influence
 from ._influence import machine_influence as machine_influence
 from ._influence import select as select
 from ._influence import trial_influence as trial_influence
+from ._influence import with_weights as with_weights
 from ._least_squares import bounded as bounded
 from ._least_squares import least_squares as least_squares
 from ._least_squares import predicted as predicted

@@ -12,6 +12,7 @@ from .._core.display import RPM, rounded, vibration_unit
 from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from .._core.status import Status
+from ._further_trial import further_trial
 from ._influence import Influence, InfluenceRow
 
 
@@ -54,6 +55,7 @@ class Balance(Result, eqx.Module):
         method: name of the method.
         status: converged; or why the correction is none, or not the best one.
         scale: what the gap is relative to; absent: the vibration before, in that norm.
+        alternatives: balances of the other systems that fit readings without phase as well.
     """
 
     influence: Influence
@@ -63,13 +65,17 @@ class Balance(Result, eqx.Module):
     method: str = eqx.field(static=True)
     status: Status
     scale: Float[Array, ""] | None = None
+    alternatives: tuple["Balance", ...] = ()
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
     nested_units: ClassVar[str] = """
         planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
         rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
         rows: before_phase, after_phase [rad]
-        worse, improvement, condition, gap; objective, bound {vibration_unit}
+        alternatives.planes: correction {correction_unit}; phase [rad]
+        alternatives: improvement
+        further_trial: trial {correction_unit}; phase [rad]; speed [rad/s]; expected {vibration_unit}
+        misfit, worse, improvement, condition, gap; objective, bound {vibration_unit}
     """
 
     def described(self) -> Iterator[Data]:
@@ -114,7 +120,38 @@ class Balance(Result, eqx.Module):
             "worse": np.sum(self.worse),
             **fields_of(self, "improvement", "condition", "objective", "bound", "gap", "verdict"),
             "status": Status[self.status],
+            **self._without_phase(),
         }
+
+    def _without_phase(self) -> dict[str, Any]:
+        """What readings without phase say beside the balance; nothing of others."""
+        influence = self.influence
+        if influence.misfit is None:
+            return {}
+        beside: dict[str, Any] = {"misfit": self.misfit}
+        beside["alternatives"] = [
+            {
+                "planes": records(
+                    name=influence.planes,
+                    correction=np.abs(other.correction),
+                    phase=np.angle(other.correction),
+                ),
+                "improvement": other.improvement,
+            }
+            for other in self.alternatives
+        ]
+        sizes = self.correction if influence.trials is None else influence.trials.weight
+        trial = further_trial(influence, float(np.median(np.abs(sizes))))
+        if trial is not None:
+            row = influence.rows[trial.row]
+            beside["further_trial"] = {
+                "plane": trial.plane,
+                "trial": abs(trial.weight),
+                "phase": np.angle(trial.weight),
+                **row._asdict(),
+                "expected": list(trial.amplitudes),
+            }
+        return beside
 
     @property
     def verdict(self) -> str:
@@ -157,6 +194,14 @@ class Balance(Result, eqx.Module):
         """[-] Weighted root mean square of the vibration after over before."""
         before = jnp.linalg.norm(self.influence.weighted[1])
         return _share(self.influence.size(self.correction), before)
+
+    @property
+    def misfit(self) -> Float[Array, ""]:
+        """[-] What amplitudes miss the system by, over those of the first run; 0 of others."""
+        if self.influence.misfit is None:
+            return jnp.zeros(())
+        before = jnp.linalg.norm(self.influence.initial)
+        return jnp.linalg.norm(self.influence.misfit) / before
 
     @property
     def condition(self) -> Float[Array, ""]:

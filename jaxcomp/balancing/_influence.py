@@ -7,6 +7,7 @@ one system. Source: Levecque et al. (2011), cited in full in `machines/hermetic-
 Fourier coefficients of the forces and, by the mean force, stiffness and damping of the films.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,6 +43,20 @@ class InfluenceRow(NamedTuple):
     speed: float
 
 
+class Trials(eqx.Module):
+    """Trial weights of measured runs.
+
+    Attributes:
+        weight: [kg m] (runs,) mass times radius with its angle.
+        runs: names; static.
+        planes: of each run; static.
+    """
+
+    weight: Complex[Array, " runs"]
+    runs: tuple[str, ...] = eqx.field(static=True)
+    planes: tuple[str, ...] = eqx.field(static=True)
+
+
 class Influence(eqx.Module):
     """The vibration before balancing and what unbalance in each plane adds to it.
 
@@ -54,6 +69,10 @@ class Influence(eqx.Module):
         unit: of the vibration; static.
         trial: unit of what is added in a plane, `kg m`, or `kg` at one radius; static.
         radius: [m] (planes,) at which masses are added, NaN where a plane has none; absent if none has.
+        trials: weights of the runs that it was measured by; absent otherwise.
+        misfit: [m] (rows,) root mean square of what the amplitudes of the runs miss the system by, where
+            it was measured without phase; absent otherwise.
+        alternatives: other systems that fit such amplitudes as well.
 
     Raises:
         BadInput: no rows or planes, arrays that do not fit them, or a value that is not finite.
@@ -67,6 +86,9 @@ class Influence(eqx.Module):
     unit: str = eqx.field(static=True, default="m")
     trial: str = eqx.field(static=True, default="kg m")
     radius: Float[Array, " planes"] | None = None
+    trials: Trials | None = None
+    misfit: Float[Array, " rows"] | None = None
+    alternatives: tuple["Influence", ...] = ()
 
     def __check_init__(self):
         for name, entries in (("rows", self.rows), ("planes", self.planes)):
@@ -219,6 +241,57 @@ def trial_influence(
     return Influence(matrix, initial, weight, tuple(rows), tuple(planes))
 
 
+def fitted_influence(
+    initial: Complex[Array, " rows"],
+    readings: Complex[Array, "runs rows"],
+    weights: Complex[Array, "runs planes"],
+    rows: Sequence[InfluenceRow],
+    planes: Sequence[str],
+    weight: Float[Array, " rows"] | None = None,
+) -> Influence:
+    """Influence coefficients from any number of runs with trial weights, by least squares.
+
+    The initial run counts as read, because corrections are added to what it is of.
+
+    Args:
+        initial: [m] vibration without a trial weight.
+        readings: [m] vibration of the runs with trial weights.
+        weights: [kg m] all unbalance that is on in a run, mass times radius, with its angle.
+        rows, planes: what the rows and columns are.
+        weight: [-] of each row; 1 if absent.
+
+    Raises:
+        BadInput: weights from which the coefficients of all planes cannot be told.
+    """
+    on = np.asarray(weights, complex)
+    units = on / np.maximum(np.abs(on).max(axis=0), 1e-300)
+    if np.linalg.matrix_rank(units, tol=1e-9) < len(planes):
+        needs = "of at least as many independent runs as planes"
+        raise BadInput("weights", f"{len(on)} runs for {len(planes)} planes", needs)
+    change = jnp.asarray(readings, complex) - jnp.asarray(initial, complex)
+    matrix = jnp.linalg.lstsq(jnp.asarray(on), change)[0].T
+    weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
+    return Influence(matrix, jnp.asarray(initial, complex), weight, tuple(rows), tuple(planes))
+
+
+def with_weights(influence: Influence, weights: Mapping[str, complex]) -> Influence:
+    """The system with weights on: its vibration is theirs as well, and corrections count from there.
+
+    Args:
+        influence: the system.
+        weights: [kg m] by plane, mass times radius with its angle.
+
+    Raises:
+        BadInput: an unknown plane.
+    """
+    for name in weights:
+        if name not in influence.planes:
+            raise BadInput(f"weights.{name}", name, one_of(name, influence.planes))
+    vector = jnp.asarray([complex(weights.get(name, 0.0)) for name in influence.planes])
+    others = tuple(with_weights(other, weights) for other in influence.alternatives)
+    return dataclasses.replace(influence, initial=influence.vibration(vector), alternatives=others)
+
+
 def select(
     influence: Influence,
     *,
@@ -256,6 +329,7 @@ def select(
     times = np.array([(weights or {}).get(row.target, 1.0) for row in influence.rows])
     numbers = (influence.matrix, influence.initial, influence.weight, times, influence.radius)
     *taken, radius = _taken(*numbers, np.array(kept, int), np.array(columns, int))
+    choice = {"planes": planes, "targets": targets, "weights": weights}
     return Influence(
         *taken,
         tuple(influence.rows[i] for i in kept),
@@ -263,6 +337,9 @@ def select(
         influence.unit,
         influence.trial,
         radius,
+        influence.trials,
+        None if influence.misfit is None else influence.misfit[np.array(kept, int)],
+        tuple(select(other, **choice) for other in influence.alternatives),
     )
 
 

@@ -25,6 +25,10 @@ from ._tables import column_table, row_table
 
 # [-] Of the vibration before: what is left below this is rounding.
 _NOTHING = 1e-9
+# Corrections that a table lists of those that fit readings without phase.
+_SHOWN = 6
+# [-] Misfit of amplitudes, over those before, above which no reading is that wrong.
+_LARGE_MISFIT = 0.1
 _NEEDS_CRANK = "--without: needs --excitation crank"
 
 
@@ -99,7 +103,9 @@ def balance(
     "kept" says yes. Corrections count from the initial run. A trial is mass times radius, or a mass
     (trial \[g]) if all weights go to one radius; phase and angle are both measured in the direction of
     rotation (or both against it). A run named "run-out" at low speed is taken off all other readings; a
-    column "weight" says how much a reading counts.
+    column "weight" says how much a reading counts. A column "plane" names the plane of a run, of which
+    it may then have several. Without a column "phase" each plane takes two trial positions at least,
+    three to leave no choice.
 
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,
@@ -149,7 +155,7 @@ def balance(
             refuse(len(influence.planes) != 2, needs)
             found = jc.balancing.balance_rotor_alone(part, scene, **crank)
         else:
-            found = objective.met(part)
+            found = jc.balancing.balance_each(part, objective.met)
         if not bool(found.converged):
             raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
     output.emit(
@@ -223,6 +229,7 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     )
     note = "[yellow]Note:[/yellow] " if result["worse"] else ""
     yield f"{note}{escape(result['verdict'])}"
+    yield from _alternatives(result)
     unit, factor = vibration_unit(result["vibration_unit"])
     rows, last = [], None
     for row in result["rows"]:
@@ -251,4 +258,52 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
         ("Condition", known, "of the weighted system"),
         ("Gap", f"{result['gap']:.1e}", f"to the proven optimum, over the {over}"),
     )
+    if "misfit" in result:
+        misfit = f"{100 * result['misfit']:.3g} %"
+        if result["misfit"] > _LARGE_MISFIT:
+            yield (
+                f"[yellow]Note:[/yellow] the amplitudes miss the corrections by {misfit}: a reading is "
+                "wrong, the machine is not linear, or the weights were in several planes, which a "
+                'column "plane" names.'
+            )
+        rows = (*rows, ("Misfit", misfit, "of the amplitudes without phase, over those before"))
     yield row_table(None, ("Quality", "", ""), rows, texts=3)
+
+
+def _alternatives(result: dict[str, Any]) -> Iterator[Any]:
+    """The other corrections that fit readings without phase, and the run that decides."""
+    alternatives = result.get("alternatives")
+    if not alternatives:
+        return
+    unit, factor = small_unit(result["correction_unit"])
+    sides = [{"planes": result["planes"], "improvement": result["improvement"]}, *alternatives]
+    rows = []
+    for number, side in enumerate(sides[:_SHOWN], 1):
+        left = side["improvement"] if side["improvement"] > _NOTHING else 0.0
+        for place, plane in enumerate(side["planes"]):
+            first = place == 0
+            rows.append(
+                (
+                    str(number) if first else "",
+                    plane["name"],
+                    rounded(plane["correction"] * factor, 4),
+                    f"{math.degrees(plane['phase']):.1f}",
+                    f"{100 * left:.3g} %" if first else "",
+                )
+            )
+    yield (
+        f"[yellow]Note:[/yellow] {len(sides)} corrections fit the amplitudes, because without phase "
+        "each reading has a mirror image. Set the first; if the vibration does not fall as foretold, "
+        "set the next one."
+    )
+    yield row_table(None, ("No.", "Plane", unit, "°", "Rms left"), rows, texts=2)
+    if len(sides) > _SHOWN:
+        yield f"{len(sides) - _SHOWN} more are in --json."
+    trial = result["further_trial"]
+    vibration, vibration_factor = vibration_unit(result["vibration_unit"])
+    levels = (rounded(value * vibration_factor, 3) for value in trial["expected"][:_SHOWN])
+    yield escape(
+        f"A run with {rounded(trial['trial'] * factor, 4)} {unit} at "
+        f"{math.degrees(trial['phase']) % 360:.0f}° in {trial['plane']} tells them apart: "
+        f"{trial['target']} would read {' or '.join(levels)} {vibration}, in the order above."
+    )

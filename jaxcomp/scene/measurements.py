@@ -17,30 +17,43 @@ same sense, both with the rotation or both against it; so do the angles of the c
 `run-out` at low speed, which reads every target once, is taken off all other readings, and a column
 `weight` says in the lines of the initial run how much a reading counts. A speed may be in Hz. Semicolons
 may stand between the cells, with decimal commas in them.
+
+A column `plane` names the plane of a run, of which a plane may then have several. Without `phase` they
+have to be at least two in each plane, at different angles, and all are in one plane if there is no
+column `plane`:
+
+    run,target,speed [rpm],amplitude [mil],trial [g],angle [deg]
+    initial,bearing,1800,10,,
+    first,bearing,1800,7,50,0
+    second,bearing,1800,12,50,120
 """
 
 import dataclasses
 import os
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
 from .._core.display import RPM
+from .._core.errors import BadInput
 from .._core.words import nearest
-from ..balancing import trial_influence
-from ..balancing.interface import Influence, InfluenceRow
+from ..balancing import amplitude_influence, trial_influence
+from ..balancing.interface import Influence, InfluenceRow, Trials, fitted_influence
 from ._settings import known_name, settings_of
 from ._table_text import Head, TableText, cell_number, read_table_text
 from ._text import SceneError, reading
 from ._units import factor
 
 _COLUMNS = ("run", "target", "speed", "amplitude", "phase", "trial", "angle")
-_OPTIONAL = ("kept", "weight")
+_OPTIONAL = ("plane", "kept", "weight")
 _UNITS = {"speed": ("rad/s",), "phase": ("rad",), "trial": ("kg m", "kg"), "angle": ("rad",)}
 _EXAMPLE = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 _INITIAL = "initial"
 # A run at low speed, whose readings are of the surface and not of vibration.
 _RUN_OUT = "run-out"
+# The plane of runs without phase in a table that names none.
+_ONE_PLANE = "plane"
 _FEW = 8  # runs that a message lists
 _KEPT = {"yes": True, "no": False, "": False}
 # Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
@@ -62,7 +75,7 @@ def _measured(text: TableText) -> Influence:
     if not text.heads:
         raise SceneError("", f'is empty; a header is "{_EXAMPLE}"')
     settings_of(text.settings)
-    table = _Table(text.heads)
+    table = _Table(text.heads, _has_phases(text))
     for number, line in text.rows:
         cell = table.cells(number, line)
         table.take_reading(number, cell)
@@ -75,17 +88,21 @@ def _measured(text: TableText) -> Influence:
 class _Table:
     """What the lines of a table say, by run, target and speed."""
 
-    def __init__(self, header):
-        self.units = _header(header)
+    def __init__(self, heads: Sequence[Head], with_phase: bool):
+        self.with_phase = with_phase
+        self.units = _header(heads, with_phase)
         if self.units["speed"].lower() in ("hz", "1/s", "s^-1"):  # revolutions a second
             self.units["speed"] = "turn/s"
-        self.dimensions = {name: _dimension(name, self.units[name]) for name in _UNITS}
+        self.dimensions = {
+            name: _dimension(name, self.units[name]) for name in _UNITS if name in self.units
+        }
         self.scale = {
             name: factor(self.units[name], si, name, self.units[name])
             for name, si in self.dimensions.items()
         }
         self.readings: dict[str, dict[tuple[str, float], complex]] = {}
         self.trials: dict[str, complex] = {}
+        self.plane_of: dict[str, str] = {}
         self.kept: dict[str, bool] = {}
         self.weights: dict[tuple[str, float], float] = {}
 
@@ -113,7 +130,8 @@ class _Table:
         if amplitude < 0:
             problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
             raise SceneError(f"line {number}.amplitude", problem, amplitude)
-        own[key] = amplitude * np.exp(1j * _number(cell, "phase", self.scale, number))
+        phase = _number(cell, "phase", self.scale, number) if self.with_phase else 0.0
+        own[key] = amplitude * np.exp(1j * phase)
         if run == _INITIAL and cell.get("weight"):
             self.weights[key] = _number(cell, "weight", self.scale, number)
             if self.weights[key] < 0:
@@ -134,11 +152,22 @@ class _Table:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
         if self.trials.setdefault(run, trial) != trial:
             raise SceneError(f"line {number}", f"has another trial weight than run {run} before")
+        self._take_plane(number, cell)
         word = cell.get("kept", "").lower()
         if word not in _KEPT:
             raise SceneError(f"line {number}.kept", 'must be "yes" or "no"', cell["kept"])
         if self.kept.setdefault(run, _KEPT[word]) != _KEPT[word]:
             raise SceneError(f"line {number}.kept", f"differs from the lines of run {run} before")
+
+    def _take_plane(self, number: int, cell: dict[str, str]) -> None:
+        """The plane of a line's run: its own column, the run's name, or the only one."""
+        run = cell["run"]
+        plane = cell.get("plane", run if self.with_phase else _ONE_PLANE)
+        if not plane:
+            problem = "is empty; write the plane of the trial weight in every line of a run"
+            raise SceneError(f"line {number}.plane", problem)
+        if self.plane_of.setdefault(run, plane) != plane:
+            raise SceneError(f"line {number}.plane", f"differs from the lines of run {run} before")
 
     def check_runs(self) -> None:
         """Take off the run-out; every run must read what the initial one does."""
@@ -146,6 +175,9 @@ class _Table:
             raise SceneError("run", self._without_initial())
         if not self.trials:
             raise SceneError("run", "has no run with a trial weight")
+        if not self.with_phase and _RUN_OUT in self.readings:
+            problem = f'"{_RUN_OUT}" needs a column phase: without it nothing can be taken off'
+            raise SceneError("run", problem)
         keys = self.readings[_INITIAL].keys()
         _take_off(self.readings, {target for target, _ in keys})
         for run in self.trials:
@@ -165,18 +197,84 @@ class _Table:
 
     def influence(self) -> Influence:
         """The influence coefficients of the planes."""
-        keys = list(self.readings[_INITIAL])
-        influence = trial_influence(
-            np.array([self.readings[_INITIAL][k] for k in keys]),
-            np.array([[self.readings[run][k] for k in keys] for run in self.trials]),
-            np.array(list(self.trials.values())),
-            [InfluenceRow(target, "measured", speed) for target, speed in keys],
-            list(self.trials),
-            np.array([self.weights.get(key, 1.0) for key in keys]),
-            list(self.kept.values()),
-        )
         unit = self.units["amplitude"] or "as measured"
-        return dataclasses.replace(influence, unit=unit, trial=self.dimensions["trial"])
+        trials = Trials(
+            jnp.asarray(list(self.trials.values())),
+            tuple(self.trials),
+            tuple(self.plane_of.values()),
+        )
+        system = self._system()
+        alternatives = tuple(
+            dataclasses.replace(other, unit=unit, trial=self.dimensions["trial"])
+            for other in system.alternatives
+        )
+        return dataclasses.replace(
+            system,
+            unit=unit,
+            trial=self.dimensions["trial"],
+            trials=trials,
+            alternatives=alternatives,
+        )
+
+    def _system(self) -> Influence:
+        keys = list(self.readings[_INITIAL])
+        initial = np.array([self.readings[_INITIAL][key] for key in keys])
+        readings = np.array([[self.readings[run][key] for key in keys] for run in self.trials])
+        rows = [InfluenceRow(target, "measured", speed) for target, speed in keys]
+        row_weights = np.array([self.weights.get(key, 1.0) for key in keys])
+        planes = list(dict.fromkeys(self.plane_of.values()))
+        if self.with_phase and "plane" not in self.units:
+            trials = np.array(list(self.trials.values()))
+            kept = list(self.kept.values())
+            return trial_influence(initial, readings, trials, rows, planes, row_weights, kept)
+        weights = self._weights_on(planes)
+        if not self.with_phase:
+            return self._without_phase(keys, initial, readings, weights, planes)
+        try:
+            return fitted_influence(initial, readings, weights, rows, planes, row_weights)
+        except BadInput:
+            problem = f"must act in each plane in a way of its own; {self._runs_by_plane()}"
+            raise SceneError("trial", problem) from None
+
+    def _without_phase(self, keys, initial, readings, weights, planes) -> Influence:
+        """The system of amplitudes alone."""
+        for (target, speed), amplitude in zip(keys, initial, strict=True):
+            if amplitude == 0:
+                at = f"{target} at {speed * RPM:.6g} rpm"
+                problem = f"must be above 0 in the run {_INITIAL}, which reads 0 at {at}"
+                raise SceneError("amplitude", problem)
+        try:
+            return amplitude_influence(
+                np.abs(np.vstack([initial, readings])),
+                np.vstack([np.zeros(len(planes)), weights]),
+                [InfluenceRow(target, "measured", speed) for target, speed in keys],
+                planes,
+                np.array([self.weights.get(key, 1.0) for key in keys]),
+            )
+        except BadInput:
+            problem = (
+                "must stand at two angles at least in each plane, and better at three, where nothing "
+                f"has a phase; {self._runs_by_plane()}"
+            )
+            raise SceneError("trial", problem) from None
+
+    def _runs_by_plane(self) -> str:
+        """How many runs with a trial weight each plane has, in words."""
+        planes = list(self.plane_of.values())
+        counts = (f"{planes.count(plane)} in {plane}" for plane in dict.fromkeys(planes))
+        return f"runs with a trial weight are {', '.join(counts)}"
+
+    def _weights_on(self, planes: Sequence[str]) -> np.ndarray:
+        """[kg m] (runs, planes) All trial weights that are on in each run with one."""
+        staying = np.zeros(len(planes), complex)
+        rows = []
+        for run, trial in self.trials.items():
+            on = staying.copy()
+            on[planes.index(self.plane_of[run])] += trial
+            rows.append(on)
+            if self.kept[run]:
+                staying = on
+        return np.array(rows)
 
 
 def _take_off(readings, targets) -> None:
@@ -194,7 +292,16 @@ def _take_off(readings, targets) -> None:
             own[key] -= by_target.get(key[0], 0.0)
 
 
-def _header(heads: Sequence[Head]) -> dict[str, str]:
+def _has_phases(text: TableText) -> bool:
+    """Whether a table has phases: a column of them, with a cell that is not empty."""
+    names = [known_name(head.name, _COLUMNS) for head in text.heads]
+    if "phase" not in names:
+        return False
+    place = names.index("phase")
+    return not text.rows or any(row.cells[place].strip() for row in text.rows)
+
+
+def _header(heads: Sequence[Head], with_phase: bool) -> dict[str, str]:
     """Units of the columns by their names."""
     units = {}
     for head in heads:
@@ -206,6 +313,8 @@ def _header(heads: Sequence[Head]) -> dict[str, str]:
             raise SceneError(name, "is there twice")
         units[name] = head.unit
     for name in _COLUMNS:
+        if name == "phase" and not with_phase:
+            continue
         if name not in units:
             raise SceneError(name, f'is a missing column; a header is "{_EXAMPLE}"')
         if name in _UNITS and not units[name]:

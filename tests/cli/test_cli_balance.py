@@ -7,6 +7,7 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 from vibration.test_balancing import table, three_runs
+from vibration.test_balancing_without_phase import FOUR_RUNS
 
 from jaxcomp.balancing import least_squares
 from jaxcomp.cli import app
@@ -186,6 +187,28 @@ def test_trial_weights_in_grams_give_corrections_in_grams(measured, tmp_path):
     bounded = found("--measured", weighed, "--largest", "2 g")
     assert all(plane["mass"] <= 2e-3 * (1 + 1e-12) for plane in bounded["planes"])
     assert "--largest" in run("--measured", weighed, "--largest", "2 g mm").output
+
+
+def test_runs_without_phase_are_balanced_and_the_choice_of_sides_is_said(tmp_path):
+    path = tmp_path / "runs.csv"
+    path.write_text(FOUR_RUNS)
+    result = found("--measured", path)
+    assert result["planes"][0]["mass"] == pytest.approx(59.3e-3, abs=0.05e-3)
+    assert np.rad2deg(result["planes"][0]["phase"]) == pytest.approx(41.7, abs=0.05)
+    assert result["alternatives"] == []
+    assert 0.026 < result["misfit"] < 0.027
+    text = run("--measured", path).stdout
+    assert "Misfit" in text
+    assert "mirror image" not in text
+    path.write_text("\n".join(FOUR_RUNS.splitlines()[:4]))
+    result = found("--measured", path, "--out", tmp_path / "out")
+    assert len(result["alternatives"]) == 1
+    assert len(result["further_trial"]["expected"]) == 2
+    words = " ".join(run("--measured", path).stdout.split())
+    assert "2 corrections fit the amplitudes" in words
+    assert "in plane tells them apart: brg would read" in words
+    path.write_text(FOUR_RUNS.replace("1800,18", "1800,58"))
+    assert 'which a column "plane" names' in " ".join(run("--measured", path).stdout.split())
 
 
 def test_tables_name_planes_and_targets(measured):

@@ -1,0 +1,55 @@
+"""Trial positions that tell systems apart which were measured without phase."""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+
+from ._influence import Influence
+
+
+class FurtherTrial(NamedTuple):
+    """A run that tells alternatives apart.
+
+    Attributes:
+        plane: in which a trial weight is set.
+        weight: [kg m] with its angle.
+        row: number of the reading that tells.
+        amplitudes: [m] that each system expects there, the first one first.
+    """
+
+    plane: str
+    weight: complex
+    row: int
+    amplitudes: tuple[float, ...]
+
+
+def further_trial(influence: Influence, size: float) -> FurtherTrial | None:
+    """The trial position that tells a system best from its alternatives; `None` without any.
+
+    Args:
+        influence: of `amplitude_influence`.
+        size: [kg m] of the trial weight.
+    """
+    systems = (influence, *influence.alternatives)
+    if len(systems) == 1:
+        return None
+    angles = np.deg2rad(np.arange(0.0, 360.0, 15.0))
+    best, widest = None, -1.0
+    for number, plane in enumerate(influence.planes):
+        for angle in angles:
+            weight = size * complex(np.exp(1j * angle))
+            expected = np.stack(
+                [np.abs(np.asarray(s.initial) + s.matrix[:, number] * weight) for s in systems]
+            )
+            share = expected / np.abs(np.asarray(influence.initial))
+            # The two systems that are hardest to tell apart decide, at the reading that tells them best.
+            spread = min(
+                np.max(np.abs(share[i] - share[j]))
+                for i, j in itertools.combinations(range(len(systems)), 2)
+            )
+            if spread > widest * (1 + 1e-9):
+                row = int(np.argmax(np.ptp(share, axis=0)))
+                widest = spread
+                best = FurtherTrial(plane, weight, row, tuple(expected[:, row].tolist()))
+    return best
