@@ -489,6 +489,16 @@ READINGS = {
     "first run by another name": _readings(
         f"{RUNS_HEAD}\nas is,A,1490,7,238,,\n", "line 2.trial", '"initial"', line=BALANCE
     ),
+    "blades of another plane": _readings(
+        f"{RUNS_HEAD}\ninitial,A,1490,7,238,,\nfan,A,1490,5,200,3,0\n",
+        *("--places", "fun", '"fan"'),
+        line=f"{BALANCE} --places fun=16",
+    ),
+    "stock of masses without a radius": _readings(
+        f"{RUNS_HEAD}\ninitial,A,1490,7,238,,\nfan,A,1490,5,200,3,0\n",
+        *("--stock 5g", "--radius"),
+        line=f"{BALANCE} --places 16 --stock 5g",
+    ),
     "amplitudes of one trial position": _readings(
         f"{RUNS_HEAD.replace('phase [deg],', '')}\ninitial,A,1490,7,,\nfirst,A,1490,5,3,0\n",
         *("trial", "two angles", "phase"),

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .._core.display import RPM, rounded, vibration_unit
 from .._core.nested import fields_of, records
@@ -24,23 +24,43 @@ def balance(
     method: str,
     failure: Status | None = None,
     scale: Float[Array, ""] | None = None,
+    weights: "PlacedWeights | None" = None,
 ) -> "Balance":
     """A balance with its status; corrections are NaN where the numbers of the system are not finite.
 
-    `failure` is what the method says of its end, converged if absent.
+    `failure` is what the method says of its end, converged if absent; `weights` are what the
+    corrections consist of.
     """
     finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
     status = Status.where(
         finite, Status.converged if failure is None else failure, Status.bad_input
     )
     correction = jnp.where(finite, correction, jnp.nan)
-    return Balance(influence, correction, objective, bound, method, status, scale)
+    return Balance(influence, correction, objective, bound, method, status, scale, weights=weights)
 
 
 def condition(matrix: Complex[Array, "rows planes"]) -> Float[Array, ""]:
     """[-] Ratio of the largest to the smallest singular value; infinite for a singular matrix."""
     values = jnp.linalg.svd(matrix, compute_uv=False)
     return values[0] / values[-1]
+
+
+class PlacedWeights(eqx.Module):
+    """Weights that the corrections consist of.
+
+    Attributes:
+        plane: (weights,) number of the plane.
+        angle: [rad] (weights,) of its place.
+        mass: [kg] (weights,), NaN where neither the plane has a radius nor the trial weights are masses.
+        unbalance: [kg m] (weights,), NaN where the trial weights are masses.
+        removed: (weights,) whether it is taken off.
+    """
+
+    plane: Int[np.ndarray, " weights"]
+    angle: Float[np.ndarray, " weights"]
+    mass: Float[np.ndarray, " weights"]
+    unbalance: Float[np.ndarray, " weights"]
+    removed: Bool[np.ndarray, " weights"]
 
 
 class Balance(Result, eqx.Module):
@@ -56,6 +76,7 @@ class Balance(Result, eqx.Module):
         status: converged; or why the correction is none, or not the best one.
         scale: what the gap is relative to; absent: the vibration before, in that norm.
         alternatives: balances of the other systems that fit readings without phase as well.
+        weights: that the corrections consist of, where places are known for them.
     """
 
     influence: Influence
@@ -66,12 +87,14 @@ class Balance(Result, eqx.Module):
     status: Status
     scale: Float[Array, ""] | None = None
     alternatives: tuple["Balance", ...] = ()
+    weights: PlacedWeights | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
     nested_units: ClassVar[str] = """
         planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
         rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
         rows: before_phase, after_phase [rad]
+        weights: unbalance [kg m]; mass [kg]; phase [rad]
         alternatives.planes: correction {correction_unit}; phase [rad]
         alternatives: improvement
         further_trial: trial {correction_unit}; phase [rad]; speed [rad/s]; expected {vibration_unit}
@@ -120,7 +143,24 @@ class Balance(Result, eqx.Module):
             "worse": np.sum(self.worse),
             **fields_of(self, "improvement", "condition", "objective", "bound", "gap", "verdict"),
             "status": Status[self.status],
+            **self._placed(),
             **self._without_phase(),
+        }
+
+    def _placed(self) -> dict[str, Any]:
+        """The weights at their places; nothing where no places are known."""
+        weights = self.weights
+        if weights is None:
+            return {}
+        return {
+            "weights": records(
+                name=[self.influence.planes[number] for number in weights.plane],
+                phase=weights.angle,
+                unbalance=weights.unbalance,
+                mass=weights.mass,
+                removed=weights.removed,
+            ),
+            "certified": bool(self.converged),
         }
 
     def _without_phase(self) -> dict[str, Any]:

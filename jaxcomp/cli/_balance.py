@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit, vibration_unit
 from . import _options as opt
-from ._arguments import assignments, changed_scene, names_of, si, speeds_of
+from ._arguments import assignments, changed_scene, names_of, si, speeds_of, with_one_unit
 from ._output import Output
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
@@ -25,6 +26,10 @@ from ._tables import column_table, row_table
 
 # [-] Of the vibration before: what is left below this is rounding.
 _NOTHING = 1e-9
+# A number of even places, perhaps from an angle on; and a weight, perhaps with how many there are.
+_EVEN_PLACES = re.compile(r"(\d+)(?:\s+from\s+(.+))?")
+_PIECES = re.compile(r"(?:(\d+)\s*[x*]\s*)?(.+)")
+_MOST_PLACES = 360
 # Corrections that a table lists of those that fit readings without phase.
 _SHOWN = 6
 # [-] Misfit of amplitudes, over those before, above which no reading is that wrong.
@@ -80,6 +85,168 @@ class Objective:
         return jc.balancing.least_squares(part, tikhonov=self.tikhonov)
 
 
+@dataclass(frozen=True)
+class Setting:
+    """Where weights can go, and which there are."""
+
+    places: Annotated[list[str] | None, typer.Option("--places")] = None
+    stock: str | None = None
+    most_weights: int = 4
+    per_place: int = 1
+    each: str | None = None
+    radius: str | None = None
+    remove: str | None = None
+    left_on: str | None = None
+
+    def check(self, objective: Objective) -> None:
+        """Refuse options that cannot be combined."""
+        for option, value in (("--stock", self.stock), ("--each", self.each)):
+            refuse(value and not self.places, f"{option}: needs --places beside it")
+        refuse(self.stock and self.each, "--each: bounds weights of any mass, not those of --stock")
+        for option, value in (
+            ("--most-weights", self.most_weights),
+            ("--per-place", self.per_place),
+        ):
+            refuse(value < 1, f"{option} {value}: must be >= 1")
+        other = objective.method != "least-squares" or objective.tikhonov or objective.largest
+        refuse(
+            self.places and (other or objective.limit),
+            "--places: takes no --method, --tikhonov, --largest or --limit beside it; weights at places "
+            "are those of least squares",
+        )
+        refuse(
+            self.radius and not self.places and not self.remove,
+            "--radius: needs --places or --remove beside it",
+        )
+
+    def with_trials_left_on(
+        self, influence: jc.balancing.interface.Influence
+    ) -> jc.balancing.interface.Influence:
+        """The system with the trial weights on that stay on."""
+        if self.left_on is None:
+            return influence
+        trials = influence.trials
+        if trials is None:
+            raise CommandError("--left-on: has a meaning with --measured alone")
+        weights: dict[str, complex] = {}
+        for run in self.runs_left_on(influence):
+            refuse_unknown(f"--left-on {run}", run, trials.runs, "run with a trial weight")
+            number = trials.runs.index(run)
+            plane = trials.planes[number]
+            weights[plane] = weights.get(plane, 0) + complex(trials.weight[number])
+        return jc.balancing.with_weights(influence, weights)
+
+    def runs_left_on(self, influence: jc.balancing.interface.Influence) -> list[str]:
+        """Names of the runs whose trial weights stay on."""
+        names = names_of(self.left_on) or []
+        if names == ["all"] and influence.trials is not None:
+            return list(influence.trials.runs)
+        return names
+
+    def method(self, part: jc.balancing.interface.Influence, objective: Objective) -> Any:
+        """The method of balancing that sets weights where they can go."""
+        removed = self._removed(part)
+        radii = self._radii(part)
+        if self.places is None:
+            if not removed and self.radius is None:
+                return objective.met
+            return lambda system: jc.balancing.interface.as_weights(
+                objective.met(system), radii, removed
+            )
+        largest = math.inf
+        if self.each is not None:
+            largest = self._mass(part, self.each, "--each", radii)
+        angles = _angles(part, self.places)
+        places = {
+            name: jc.balancing.Places(
+                angles[name],
+                radius=radii.get(name),
+                removed=name in removed,
+                largest=largest,
+            )
+            for name in angles
+        }
+        if self.stock is None:
+            return lambda system: jc.balancing.placed(system, places)
+        masses, counts = self._stock(part, radii)
+        return lambda system: jc.balancing.placed(
+            system,
+            places,
+            masses,
+            counts=counts,
+            per_place=self.per_place,
+            most_weights=self.most_weights,
+        )
+
+    def _removed(self, part: jc.balancing.interface.Influence) -> tuple[str, ...]:
+        """Planes in which mass is taken off."""
+        names = names_of(self.remove) or []
+        if names == ["all"]:
+            return part.planes
+        for name in names:
+            kind = "correction plane of this balance"
+            refuse_unknown(f"--remove {name}", name, part.planes, kind)
+        return tuple(names)
+
+    def _radii(self, part: jc.balancing.interface.Influence) -> dict[str, float]:
+        """[m] Radii that are given by plane."""
+        if self.radius is None:
+            return {}
+        refuse(
+            part.trial == "kg",
+            "--radius: has no meaning where trial weights are masses, at the radius of all weights",
+        )
+        if "=" not in self.radius:
+            value = si(self.radius, "m", "--radius")
+            refuse(not value > 0, f"--radius {self.radius}: must be > 0")
+            return dict.fromkeys(part.planes, value)
+        radii = {}
+        for name, text in assignments(_listed(self.radius), "--radius").items():
+            kind = "correction plane of this balance"
+            refuse_unknown(f"--radius {name}", name, part.planes, kind)
+            radii[name] = si(text, "m", f"--radius {name}")
+            refuse(not radii[name] > 0, f"--radius {name}={text}: must be > 0")
+        return radii
+
+    def _stock(
+        self, part: jc.balancing.interface.Influence, radii: dict[str, float]
+    ) -> tuple[list[float], list[int] | None]:
+        """Masses of the stock, and how many there are of each; `None` for any number."""
+        masses, counts = [], []
+        for text in _listed(self.stock or ""):
+            match = _PIECES.fullmatch(text)
+            refuse(match is None, f"--stock {text}: must be a mass, or a number of it as in 4x10g")
+            if match is not None:
+                counts.append(int(match[1]) if match[1] else None)
+                masses.append(self._mass(part, match[2], "--stock", radii))
+        refuse(not masses, "--stock: needs at least one mass, such as 5g,10g,20g")
+        limited = [count is not None for count in counts]
+        refuse(
+            any(limited) and not all(limited),
+            f"--stock {self.stock}: must say of all masses how many there are, or of none",
+        )
+        return masses, counts if all(limited) else None
+
+    def _mass(
+        self,
+        part: jc.balancing.interface.Influence,
+        text: str,
+        option: str,
+        radii: dict[str, float],
+    ) -> float:
+        """[kg] A mass; [kg m] where the planes have no radius."""
+        known = part.radius is not None and bool((part.radius > 0).all())
+        by_mass = part.trial == "kg" or known or {*radii} >= {*part.planes}
+        try:
+            value = si(text, "kg" if by_mass else "kg m", f"{option} {text}")
+        except jc.scene.SceneError:
+            needs = "needs --radius for masses where trial weights are masses times radius"
+            refuse(not by_mass, f"{option} {text}: {needs}")
+            raise
+        refuse(not value > 0, f"{option} {text}: must be > 0")
+        return value
+
+
 def balance(
     *,
     machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
@@ -88,6 +255,7 @@ def balance(
     targets: str | None = None,
     speeds: str | None = None,
     objective: Objective,
+    setting: Setting,
     excitation: opt.ExcitationOption = None,
     solver: opt.Solver = "collocation",
     without: str | None = None,
@@ -107,6 +275,9 @@ def balance(
     it may then have several. Without a column "phase" each plane takes two trial positions at least,
     three to leave no choice.
 
+    Weights of --places and --stock are the best of all combinations; where these are too many to prove
+    it, a note says so.
+
         run,target,speed \[rpm],amplitude \[mm/s],phase \[deg],trial \[g mm],angle \[deg]
         initial,bearing-1,3000,7.2,238,,
         plane-1,bearing-1,3000,4.9,114,120,0
@@ -123,6 +294,17 @@ def balance(
         limit (V): Find the least masses that keep every vibration at or below this, e.g. 5um.
         weights (TARGET=W): How much the readings of a target count, e.g. TP5=2; 1 if absent.
             Repeatable.
+        places (P): Where weights can go, in all planes or of single ones: a number of even places, or
+            angles, e.g. 16, 'fan=12 from 10deg' or 'rear=0deg,90deg,200deg'. Repeatable.
+        stock (M,M): Weights that there are, e.g. 5g,10g,20g, or with their numbers 4x5g,2x10g for
+            all planes; of any mass if absent.
+        most_weights: Weights of the stock in one plane.
+        per_place: Weights of the stock in one place.
+        each (M): Largest mass in one place, without --stock.
+        radius (R): Of the weights in all planes, e.g. 120mm, or of single planes, e.g.
+            'fan=120 mm, rear=90 mm'; those of the machine's planes if absent.
+        remove (A,B): Planes in which mass is taken off, as by drilling; all for every plane.
+        left_on (A,B): Runs whose trial weights stay on, with --measured; all for every one.
         without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
         measured: CSV of an initial run and one run with a trial weight per plane.
     """
@@ -132,6 +314,7 @@ def balance(
         refuse(measured and given, f"{option}: has no meaning with --measured")
     refuse(without and excitation == "file", _NEEDS_CRANK)
     objective.check(planes, measured)
+    setting.check(objective)
     from .._core.status import SolveFailed
 
     start_jax(once=True)
@@ -149,15 +332,19 @@ def balance(
             at, method = _speeds(scene, speeds), opt.chosen_solver(solver, scene)
             influence = jc.balancing.machine_influence(scene, at, method, **crank)
         chosen = {"planes": names_of(planes), "targets": names_of(targets)}
+        influence = setting.with_trials_left_on(influence)
         part = _weighted(jc.balancing.select(influence, **chosen), objective.weights)
         if scene is not None and objective.method == "classical":
             needs = "--method classical: needs a scene with two correction planes"
             refuse(len(influence.planes) != 2, needs)
             found = jc.balancing.balance_rotor_alone(part, scene, **crank)
         else:
-            found = jc.balancing.balance_each(part, objective.met)
-        if not bool(found.converged):
+            found = jc.balancing.balance_each(part, setting.method(part, objective))
+        if not bool(found.converged) and not setting.places:
             raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
+    beside = {"machine": name, "version": version("jaxcomp"), "excitation": shaken_by}
+    if setting.left_on is not None:
+        beside["left_on"] = setting.runs_left_on(influence)
     output.emit(
         found,
         balance_tables,
@@ -165,8 +352,46 @@ def balance(
         scene,
         {"balance": found.columns},
         f"Report, pictures, curves{', scene' if machine else ''} and result",
-        beside={"machine": name, "version": version("jaxcomp"), "excitation": shaken_by},
+        beside=beside,
     )
+
+
+def _listed(text: str) -> list[str]:
+    """Entries of a list with commas."""
+    return [entry.strip() for entry in text.split(",") if entry.strip()]
+
+
+def _angles(
+    part: jc.balancing.interface.Influence, texts: Sequence[str]
+) -> dict[str, Sequence[float]]:
+    """[rad] Angles of the places by plane."""
+    angles: dict[str, Sequence[float]] = {}
+    for text in texts:
+        name, equals, value = (piece.strip() for piece in text.partition("="))
+        if not equals:
+            name, value = "", text.strip()
+        else:
+            kind = "correction plane of this balance"
+            refuse_unknown(f"--places {name}", name, part.planes, kind)
+        for plane in [name] if name else part.planes:
+            refuse(plane in angles, f"--places {text}: the places of {plane} are given twice")
+            angles[plane] = _places_of(value, f"--places {text}")
+    return angles
+
+
+def _places_of(text: str, option: str) -> list[float]:
+    """[rad] Angles of even places, or of those that are listed."""
+    even = _EVEN_PLACES.fullmatch(text)
+    if even is None:
+        form = f"{option}: must be a number of places, or angles such as 0deg,90deg"
+        try:
+            return [si(entry, "rad", option) for entry in with_one_unit(_listed(text))]
+        except (jc.scene.SceneError, IndexError) as error:
+            raise CommandError(form) from error
+    count = int(even[1])
+    refuse(not 1 <= count <= _MOST_PLACES, f"{option}: must be from 1 to {_MOST_PLACES} places")
+    start = si(even[2], "rad", option) if even[2] else 0.0
+    return [start + 2 * math.pi * place / count for place in range(count)]
 
 
 def _speeds(scene: jc.scene.Scene, speeds: str | None):
@@ -227,6 +452,10 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
             **({"mm": radii, "g": masses} if any(radii) else {}),
         },
     )
+    if result.get("left_on"):
+        runs = escape(", ".join(result["left_on"]))
+        yield f"They count with the trial weights left on of {runs}; so does the vibration before."
+    yield from _weights(result, unit, factor)
     note = "[yellow]Note:[/yellow] " if result["worse"] else ""
     yield f"{note}{escape(result['verdict'])}"
     yield from _alternatives(result)
@@ -268,6 +497,37 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
             )
         rows = (*rows, ("Misfit", misfit, "of the amplitudes without phase, over those before"))
     yield row_table(None, ("Quality", "", ""), rows, texts=3)
+
+
+def _weights(result: dict[str, Any], unit: str, factor: float) -> Iterator[Any]:
+    """Weights at their places, and whether they are the best of all combinations."""
+    weights = result.get("weights")
+    if weights is None:
+        return
+    sizes = [weight["unbalance"] for weight in weights]
+    masses = [weight["mass"] for weight in weights]
+    columns = {
+        "Plane": [weight["name"] for weight in weights],
+        "": ["take off" if weight["removed"] else "add" for weight in weights],
+        "°": [f"{math.degrees(weight['phase']) % 360:.1f}" for weight in weights],
+        unit: [size and rounded(size * factor, 4) for size in sizes],
+        "g": [mass and f"{mass * 1e3:.4g}" for mass in masses],
+    }
+    if unit == "g":
+        columns["g"] = [rounded(mass * factor, 4) for mass in masses]
+    if not weights:
+        yield "No weights: every one that can be set makes it worse."
+        return
+    yield column_table("Weights to set", columns, texts=2)
+    if result["certified"]:
+        if "stock" in result["method"]:
+            yield "Proven: no other combination of these weights leaves less."
+        return
+    share = 100 * result["bound"] / result["objective"]
+    yield (
+        "[yellow]Note:[/yellow] not proven to be the best of all combinations, which are too many; none "
+        f"leaves less than {share:.3g} % of what this one leaves."
+    )
 
 
 def _alternatives(result: dict[str, Any]) -> Iterator[Any]:

@@ -172,6 +172,15 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
     return figure
 
 
+def _weights_note(balance: Balance) -> str:
+    """What the marks of weights mean, where there are any."""
+    if balance.weights is None:
+        return ""
+    if balance.weights.removed.any():
+        return "\nSquares: weights to add; triangles: to take off."
+    return "\nSquares: weights to add."
+
+
 def balance_polar(balance: Balance) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
     unit, factor = small_unit(balance.influence.trial)
@@ -183,9 +192,21 @@ def balance_polar(balance: Balance) -> Figure:
         label = f"{name}: {size:.4g} at {np.rad2deg(angle):.1f}°"
         ax.plot([angle, angle], [0, size], "o-", color=_PLANES[number % len(_PLANES)], linewidth=2,
                 markersize=4, markevery=[1], label=label)  # fmt: skip
-    ax.set_ylim(0, 1.1 * max(*sizes, 1e-12))
+    largest = max(*sizes, 1e-12)
+    if balance.weights is not None:
+        weights = balance.weights
+        each = np.where(np.isfinite(weights.unbalance), weights.unbalance, weights.mass) * factor
+        for place, (angle, size, removed) in enumerate(
+            zip(weights.angle, each, weights.removed, strict=True)
+        ):
+            tint = _PLANES[int(weights.plane[place]) % len(_PLANES)]
+            ax.plot(
+                angle, size, "v" if removed else "s", color=tint, fillstyle="none", markersize=7
+            )
+        largest = max(largest, *each, 1e-12)
+    ax.set_ylim(0, 1.1 * largest)
     ax.yaxis.set_major_locator(MaxNLocator(4))
     style.note(figure, "Angles with the rotation, from the crank pin;\nof measured runs as those of the "
-         "trial weights.")  # fmt: skip
+         "trial weights." + _weights_note(balance))  # fmt: skip
     style.legend(ax, loc="upper center", bbox_to_anchor=(0.5, -0.08))
     return figure

@@ -8,8 +8,9 @@ from helpers import read_json
 from typer.testing import CliRunner
 from vibration.test_balancing import table, three_runs
 from vibration.test_balancing_without_phase import FOUR_RUNS
+from vibration.test_placed_weights import FAN
 
-from jaxcomp.balancing import least_squares
+from jaxcomp.balancing import Places, least_squares, placed
 from jaxcomp.cli import app
 from jaxcomp.scene.measurements import read_measurements
 
@@ -211,6 +212,59 @@ def test_runs_without_phase_are_balanced_and_the_choice_of_sides_is_said(tmp_pat
     assert 'which a column "plane" names' in " ".join(run("--measured", path).stdout.split())
 
 
+def test_a_correction_is_split_over_blades(tmp_path):
+    path = tmp_path / "fan.csv"
+    path.write_text(FAN)
+    result = found("--measured", path, "--places", "16")
+    assert [round(1e3 * weight["mass"], 2) for weight in result["weights"]] == [23.52, 61.21]
+    assert [round(np.rad2deg(weight["phase"]), 6) for weight in result["weights"]] == [292.5, 315]
+    assert result["certified"] is True
+    drilled = found(
+        "--measured", path, "--places", "16", "--remove", "all", "--out", tmp_path / "o"
+    )
+    assert [weight["removed"] for weight in drilled["weights"]] == [True, True]
+    assert np.rad2deg(drilled["weights"][0]["phase"]) == pytest.approx(112.5)
+    anywhere = found("--measured", path, "--remove", "fan-wheel")["weights"][0]
+    assert np.rad2deg(anywhere["phase"]) == pytest.approx(128.81, abs=0.005)
+    assert anywhere["mass"] == pytest.approx(83.43e-3, abs=5e-6)
+    text = " ".join(run("--measured", path, "--places", "16", "--remove", "all").stdout.split())
+    assert "take off" in text
+
+
+def test_trial_weights_left_on_count(tmp_path):
+    """What is added beside the trial weight and the trial weight itself are the whole correction."""
+    path = tmp_path / "fan.csv"
+    path.write_text(FAN)
+    whole = found("--measured", path)["planes"][0]
+    result = found("--measured", path, "--left-on", "fan-wheel")
+    assert result["left_on"] == ["fan-wheel"]
+    beside = result["planes"][0]
+    total = beside["mass"] * np.exp(1j * beside["phase"]) + 103.25e-3
+    assert total == pytest.approx(whole["mass"] * np.exp(1j * whole["phase"]), rel=1e-12)
+    assert result["rows"][0]["before"] == pytest.approx(4.7628, rel=1e-12)
+    assert "left on of fan-wheel" in run("--measured", path, "--left-on", "all").stdout
+
+
+def test_weights_of_a_stock_are_those_of_python(measured):
+    arguments = ("--measured", measured, "--places", "plane-1=12 from 5deg", "--places",
+                 "plane-2=0deg,90deg,200deg", "--radius", "plane-1=120 mm, plane-2=90 mm")  # fmt: skip
+    result = found(*arguments, "--stock", "4x5mg,3x10mg,20x0.02g", "--most-weights", "3")
+    places = {
+        "plane-1": Places(np.deg2rad(5 + 30 * np.arange(12)), radius=0.12),
+        "plane-2": Places(np.deg2rad([0, 90, 200]), radius=0.09),
+    }
+    same = placed(
+        read_measurements(measured), places, [5e-6, 1e-5, 2e-5], counts=[4, 3, 20], most_weights=3
+    )
+    assert result["objective"] == pytest.approx(float(same.objective), rel=1e-12)
+    assert result["certified"] is True
+    assert result["weights"]
+    masses = np.array([weight["mass"] for weight in result["weights"]])
+    np.testing.assert_allclose(np.sort(masses), np.sort(same.weights.mass), rtol=1e-12)
+    text = run(*arguments, "--stock", "5mg").stdout
+    assert "Proven: no other combination" in text
+
+
 def test_tables_name_planes_and_targets(measured):
     text = run("--measured", measured).stdout
     for word in ("plane-1", "bearing-2", "Weighted rms", "mm/s"):
@@ -251,6 +305,47 @@ REFUSED = {
         "no --tikhonov",
     ),
     "negative penalty": (["--measured", "FILE", "--tikhonov", "-1"], "tikhonov"),
+    "places of no plane": (["--measured", "FILE", "--places", "fan=16"], "--places fan"),
+    "places twice": (["--measured", "FILE", "--places", "8", "--places", "plane-1=8"], "twice"),
+    "places without a unit": (["--measured", "FILE", "--places", "0,90"], "0deg,90deg"),
+    "no places at all": (["--measured", "FILE", "--places", "0"], "from 1 to 360"),
+    "stock without places": (["--measured", "FILE", "--stock", "5g"], "--stock: needs --places"),
+    "stock of masses, no radius": (
+        ["--measured", "FILE", "--places", "8", "--stock", "5g"],
+        "--stock 5g: needs --radius",
+    ),
+    "stock with some numbers": (
+        ["--measured", "FILE", "--places", "8", "--stock", "2x5g mm,3g mm"],
+        "of all masses how many",
+    ),
+    "stock of nothing": (
+        ["--measured", "FILE", "--places", "8", "--stock", "0 g mm"],
+        "must be > 0",
+    ),
+    "no weights": (
+        ["--measured", "FILE", "--places", "8", "--stock", "5g mm", "--most-weights", "0"],
+        "--most-weights 0: must be >= 1",
+    ),
+    "room beside a stock": (
+        ["--measured", "FILE", "--places", "8", "--stock", "5g mm", "--each", "4g mm"],
+        "--each",
+    ),
+    "places of another method": (
+        ["--measured", "FILE", "--places", "8", "--method", "min-max"],
+        "--places: takes no --method",
+    ),
+    "radius of nothing": (["--measured", "FILE", "--radius", "9mm"], "--radius: needs"),
+    "radius below zero": (
+        ["--measured", "FILE", "--places", "8", "--radius=-9mm"],
+        "must be > 0",
+    ),
+    "radius of no plane": (
+        ["--measured", "FILE", "--places", "8", "--radius", "fan=9mm"],
+        "--radius fan",
+    ),
+    "removal in no plane": (["--measured", "FILE", "--remove", "fan"], "--remove fan"),
+    "trial weight of no run": (["--measured", "FILE", "--left-on", "fan"], "--left-on fan"),
+    "trial weights of a model": (["hermetic-68cc", "--left-on", "all"], "--measured alone"),
     "no file": (["--measured", "nowhere.csv"], "nowhere.csv"),
 }
 
