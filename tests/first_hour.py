@@ -133,6 +133,18 @@ TESPY = (
 )
 # A mode of a modal test, of which the end is missing.
 CUT_SET = "    -1\n    55\nbench\nNONE\nNONE\nNONE\nNONE\n         1         2         2\n"
+# A function of acceleration over acceleration.
+TRANSMISSIBILITY = (
+    "    -1\n    58\n" + "bench\nNONE\nNONE\nNONE\nNONE\n"
+    "    4         0    0         0 NONE               1   1 NONE               2   1\n"
+    "         5         4         1  0.00000e+00  1.00000e+00  0.00000e+00\n"
+    "        18    0    0    0 NONE                 Hz\n"
+    "        12    0    0    0 NONE                 NONE\n"
+    "        12    0    0    0 NONE                 NONE\n"
+    "         0    0    0    0 NONE                 NONE\n"
+    "  1.00000e+00  0.00000e+00  2.00000e+00  0.00000e+00  1.00000e+00  0.00000e+00\n"
+    "  1.00000e+00  0.00000e+00\n    -1\n"
+)
 RUNS_HEAD = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 BORE = 'bore = "50 mm"'
 FLUID = 'name = "R290"'
@@ -488,6 +500,12 @@ READINGS = {
     ),
     "first run by another name": _readings(
         f"{RUNS_HEAD}\nas is,A,1490,7,238,,\n", "line 2.trial", '"initial"', line=BALANCE
+    ),
+    "transmissibility for a response": _readings(
+        TRANSMISSIBILITY,
+        *("data type 12 over 12", "motion", "force"),
+        line=UPDATE.replace("readings.csv", "frf.uff"),
+        file="frf.uff",
     ),
     "blades of another plane": _readings(
         f"{RUNS_HEAD}\ninitial,A,1490,7,238,,\nfan,A,1490,5,200,3,0\n",

@@ -53,16 +53,29 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     near = _meant(word, known)
     if near is not None:
         return f"; did you mean {near}?"
-    key, relation = _ALSO_SAID.get(word, ("", ""))
-    if key in known:
+    key, relation = _also_said(word, known)
+    if key:
         return f'; did you mean "{key}", {relation}?'
     return f"; known here: {', '.join(known)}" if known else ""
 
 
 def hint(word: object, known: Iterable[object]) -> str:
     """` (did you mean "..."?)` if something similar is known."""
-    near = _meant(str(word), [str(name) for name in known])
-    return "" if near is None else f" (did you mean {near}?)"
+    names = [str(name) for name in known]
+    near = _meant(str(word), names)
+    if near is not None:
+        return f" (did you mean {near}?)"
+    key, relation = _also_said(str(word), names)
+    return f' (did you mean "{key}", {relation}?)' if key else ""
+
+
+def _also_said(word: str, known: Collection[str]) -> tuple[str, str]:
+    """The known word for what designers also say, and how they are related; empty if there is none.
+
+    A slip in what is also said is seen through: "ocvrik" is "ocvirk".
+    """
+    said = nearest(word, [name for name, (key, _) in _ALSO_SAID.items() if key in known])
+    return ("", "") if said is None else _ALSO_SAID[said]
 
 
 def _meant(word: str, known: Collection[str]) -> str | None:

@@ -8,6 +8,7 @@ import functools
 import gc
 import logging
 import os
+import re
 import shlex
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -25,6 +26,10 @@ _WORKERS_WITHIN = 20
 _words: ContextVar[tuple[str, ...]] = ContextVar("words", default=())
 
 
+# An option with a word that none of its choices is, in typer's words.
+_NO_CHOICE = re.compile(r"'([^']*)' is not one of (.*)", re.DOTALL)
+
+
 class RecordedGroup(TyperGroup):
     """A group of commands that keeps the words it was called with."""
 
@@ -32,6 +37,22 @@ class RecordedGroup(TyperGroup):
         """Keep the words, then read them."""
         _words.set(tuple(args))
         return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Call a command; a word that is no choice of an option is answered with the nearest one."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:
+            # Of click or of what typer has in its place: both keep the text here.
+            message = getattr(error, "message", None)
+            match = _NO_CHOICE.search(message) if isinstance(message, str) else None
+            if match is None:
+                raise
+            from .._core.words import hint
+
+            known = re.findall(r"'([^']*)'", match[2])
+            error.message = f"{message.rstrip('.')}{hint(match[1], known)}."  # pyright: ignore
+            raise
 
 
 def command_line() -> str:

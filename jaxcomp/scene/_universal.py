@@ -34,6 +34,14 @@ _FUNCTION_NAMES = {
     0: "of unknown kind", 1: "time signals", 2: "auto spectra", 3: "cross spectra",
     6: "coherences", 9: "power spectra", 10: "energy spectra", 12: "spectra",
 }  # fmt: skip
+# Kinds of data (data set 58): motions by how often they are differentiated, forces, and those that say
+# nothing. Peaks of a response are modes where motion is over force; over motion, or of force, they are
+# none of the whole machine.
+_MOTIONS = {8: 0, 11: 1, 12: 2}
+_FORCES, _UNSAID = (9, 13), (0, 1)
+# [Hz] Of abscissae by their label, where that is no blank.
+_HERTZ = {"hz": 1.0, "1/s": 1.0, "cps": 1.0, "khz": 1e3, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60,
+          "1/min": 1 / 60, "cpm": 1 / 60}  # fmt: skip
 _DELIMITER = re.compile(rb"^ {4}-1\s*$", re.MULTILINE)
 _LARGEST = 200_000_000  # bytes
 # A peak stands above its surroundings by this share of itself, above this share of the highest, and above
@@ -58,9 +66,9 @@ def read_universal(path, name: str) -> ModalTest:
     """
     sets, others = _data_sets(path)
     modes = [data for data in sets if _is_mode(data)]
-    if modes:
-        return _test_of_modes(modes, name)
     functions = [data for data in sets if data["type"] == _FUNCTIONS]
+    if modes:
+        return _test_of_modes(modes, name, _beside_modes(sets, len(functions), name))
     if functions:
         return _test_of_responses(functions, name)
     numbers = sorted({int(data["type"]) for data in sets} | others)
@@ -98,6 +106,19 @@ def _data_sets(path) -> tuple[list[DataSet], set[int]]:
     for number, data in zip(wanted, sets, strict=True):
         _check_whole(data, number + 1)
     return sets, {number for number in types if number not in (_SHAPES, _FUNCTIONS)}
+
+
+def _beside_modes(sets: Sequence[DataSet], functions: int, name: str) -> list[str]:
+    """Notes on what stands beside modes and is not read."""
+    notes = []
+    if functions:
+        notes.append(f"{name}: {functions} functions (data set 58) beside modes are not read")
+    shapes = [data for data in sets if data["type"] == _SHAPES and not _is_mode(data)]
+    kinds = sorted({int(data["analysis_type"]) for data in shapes})
+    if shapes:
+        listed = ", ".join(map(str, kinds))
+        notes.append(f"{name}: {len(shapes)} shapes of analysis type {listed} are not read")
+    return notes
 
 
 def _check_whole(data: DataSet, number: int) -> None:
@@ -157,7 +178,7 @@ def _refuse_several_runs(modes: Sequence[DataSet]) -> None:
         raise SceneError("", f"{problem} keep those of one run, or give each a file of its own")
 
 
-def _test_of_modes(modes: Sequence[DataSet], name: str) -> ModalTest:
+def _test_of_modes(modes: Sequence[DataSet], name: str, skipped: Sequence[str] = ()) -> ModalTest:
     _refuse_several_runs(modes)
     modes = sorted(modes, key=_hertz)
     nodes = sorted({int(node) for mode in modes for node in mode["node_nums"]})
@@ -174,7 +195,7 @@ def _test_of_modes(modes: Sequence[DataSet], name: str) -> ModalTest:
     measured = np.array([axis in moving for _, axis in pairs])
     pairs = [pair for pair in pairs if pair[1] in moving]
     hertz = np.array([_hertz(mode) for mode in modes])
-    return _test(name, hertz, pairs, _real_shapes(shape[:, measured]))
+    return _test(name, hertz, pairs, _real_shapes(shape[:, measured]), skipped)
 
 
 def _real_shapes(shapes: NDArray) -> NDArray:
@@ -216,6 +237,7 @@ def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
     # against the axis counts as negative along it
     signs = np.array([np.sign(direction) for _, direction in places])
     values = np.stack([np.asarray(data["data"], complex) for data in responses]) * signs[:, None]
+    values = values / (2j * np.pi * hertz) ** _differentiations(responses)[:, None]
     frequencies, shapes = modes_of_responses(hertz, values)
     pairs = [(node, _AXES[abs(direction)]) for node, direction in places]
     skipped = [
@@ -223,6 +245,37 @@ def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
         for kind, count in sorted(others.items())
     ]
     return _test(name, frequencies, pairs, shapes, skipped)
+
+
+def _differentiations(responses: Sequence[DataSet]) -> NDArray:
+    """(k, 1) How often the motion of each response is differentiated, less those of the first.
+
+    All alike, as is usual, they are left as they are, for the slope of the fit takes them.
+
+    Raises:
+        SceneError: a response that is not of motion over force.
+    """
+    orders = []
+    for data in responses:
+        over, under = (
+            int(data.get(f"{end}_spec_data_type", 0)) for end in ("ordinate", "orddenom")
+        )
+        node = int(data["rsp_node"])
+        if over in _FORCES or under in _MOTIONS:
+            kinds = f"of data type {over} over {under} at node {node}"
+            problem = (
+                f"has a response {kinds}; modes are those of motion (8, 11, 12) over force (13)"
+            )
+            raise SceneError("", problem)
+        orders.append(None if over in _UNSAID else _MOTIONS.get(over))
+    said = {order for order in orders if order is not None}
+    if len(said) < 2:
+        return np.zeros(len(responses))
+    if None in orders:
+        raise SceneError(
+            "", "has responses of several kinds of motion, and such that do not say theirs"
+        )
+    return np.array([order for order in orders if order is not None], float)
 
 
 def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
@@ -257,12 +310,33 @@ def _common_frequencies(responses: Sequence[DataSet]) -> NDArray:
         SceneError: they have others, or such that do not rise.
     """
     hertz = np.asarray(responses[0]["x"], float)
+    labels = {_abscissa_label(data) for data in responses}
+    if len(labels) > 1:
+        raise SceneError(
+            "", f"must have frequencies of one unit, not of {', '.join(sorted(labels))}"
+        )
     if hertz.size < _LEAST or not (np.diff(hertz) > 0).all():
         raise SceneError("", f"must have {_LEAST} rising frequencies at least")
     for data in responses:
         if np.shape(data["x"]) != hertz.shape or not np.allclose(data["x"], hertz, rtol=1e-9):
             raise SceneError("", "must have the same frequencies in all functions")
-    return hertz
+    return hertz * _HERTZ[labels.pop()]
+
+
+def _abscissa_label(data: DataSet) -> str:
+    """Unit of the frequencies of a function, Hz where it says none.
+
+    Raises:
+        SceneError: it is no unit of a frequency.
+    """
+    label = str(data.get("abscissa_axis_units_lab") or "").strip()
+    unit = label.lower()
+    if unit in ("", "none"):
+        return "hz"
+    if unit not in _HERTZ:
+        known = "Hz, kHz, rad/s or rpm"
+        raise SceneError("", f'has frequencies in "{label}", where {known} are read')
+    return unit
 
 
 def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDArray]:

@@ -189,6 +189,8 @@ def test_viscosity_by_grade_and_temperature():
         ({"load": "-1 N"}, "--load -1 N: must be >= 0 N"),
         ({"length": "100 mm"}, "must be 0.1 to 2 for the model reynolds, but is 2.5"),
         ({"model": "magic"}, "Invalid value for '--model'"),
+        ({"model": "reynold"}, 'did you mean "reynolds"'),
+        ({"model": "ocvrik"}, 'did you mean "short", Ocvirk'),
         ({"load": None}, "Missing option '--load'"),
     ],
 )

@@ -239,7 +239,7 @@ def test_several_runs_in_one_universal_file_are_refused(tmp_path):
     np.testing.assert_allclose(test.frequency, 2 * np.pi * np.array([80, 120]))
 
 
-def write_responses(file, responses, hertz, places, kind=4):
+def write_responses(file, responses, hertz, places, kind=4, **options):
     """Data set 58 of several places to one force at node 3."""
     import pyuff
 
@@ -249,7 +249,8 @@ def write_responses(file, responses, hertz, places, kind=4):
             pyuff.prepare_58(
                 func_type=kind, rsp_node=node, rsp_dir=direction, ref_node=3, ref_dir=1,
                 data=values, x=hertz, binary=0, id1="made", rsp_ent_name="r", ref_ent_name="f",
-                abscissa_spacing=1, ordinate_spec_data_type=12, orddenom_spec_data_type=13,
+                abscissa_spacing=1,
+                **{"ordinate_spec_data_type": 12, "orddenom_spec_data_type": 13, **options},
             ),
             mode="add",
         )  # fmt: skip
@@ -470,6 +471,64 @@ def test_coherences_beside_responses_are_left_out_with_a_note(tmp_path):
     np.testing.assert_array_equal(test.frequency, alone.frequency)
     assert test.warnings([], []) == ["responses.uff: 2 coherences (type 6) are not read"]
     assert alone.warnings([], []) == []
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_displacements_velocities_and_accelerations_give_the_same_modes(tmp_path, order):
+    """Each alone, and the second place by another motion than the first."""
+    kinds = {0: 8, 1: 11, 2: 12}
+    motion = accelerations() / (2j * np.pi * HERTZ) ** (2 - order)
+    for second in (order, (order + 1) % 3):
+        file = tmp_path / f"{second}.uff"
+        other = accelerations() / (2j * np.pi * HERTZ) ** (2 - second)
+        write_responses(file, motion[:1], HERTZ, [(3, 1)], ordinate_spec_data_type=kinds[order])
+        write_responses(file, other[1:], HERTZ, [(12, 1)], ordinate_spec_data_type=kinds[second])
+        test = read_measurement(file, machine(crankshaft()))
+        # one mode near its peak leaves 1e-5 of the frequency and 1 % of the shape to the other one
+        np.testing.assert_allclose(test.frequency, 2 * np.pi * POLES, rtol=2e-5)
+        np.testing.assert_allclose(test.shape[0] / test.shape[0, 1], [-0.2, 1], atol=0.01)
+        np.testing.assert_allclose(test.shape[1] / test.shape[1, 0], [1, 0.5], atol=0.01)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+@pytest.mark.parametrize(
+    ("unit", "size"), [("Hz", 1), ("NONE", 1), ("rad/s", 2 * np.pi), ("RPM", 60)]
+)
+def test_frequencies_of_a_universal_file_have_their_unit(tmp_path, unit, size):
+    file = tmp_path / "responses.uff"
+    options = {"abscissa_axis_units_lab": unit}
+    write_responses(file, accelerations(), size * HERTZ, [(3, 1), (12, 1)], **options)
+    test = read_measurement(file, machine(crankshaft()))
+    np.testing.assert_allclose(test.frequency, 2 * np.pi * POLES, rtol=2e-5)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        # peaks of a transmissibility lie where the reference is at rest, those of an impedance at none
+        ({"orddenom_spec_data_type": 12}, "type 12 over 12 at node 3.*motion"),
+        ({"ordinate_spec_data_type": 13, "orddenom_spec_data_type": 12}, "type 13 over 12"),
+        ({"abscissa_axis_units_lab": "s"}, 'frequencies in "s", where Hz'),
+    ],
+)
+def test_functions_whose_peaks_are_no_modes_are_refused(tmp_path, options, message):
+    file = tmp_path / "responses.uff"
+    write_responses(file, accelerations(), HERTZ, [(3, 1), (12, 1)], **options)
+    with pytest.raises(SceneError, match=message):
+        read_measurement(file, machine(crankshaft()))
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyuff") is None, reason="needs pyuff")
+def test_responses_beside_modes_are_left_out_with_a_note(tmp_path):
+    file = tmp_path / "modes.uff"
+    write_modes(file, [(1, 1, 80.0), (2, 1, 120.0)])
+    write_responses(file, accelerations(), HERTZ, [(3, 1), (12, 1)])
+    test = read_measurement(file, machine(crankshaft()))
+    assert test.frequency.size == 2
+    expected = ["modes.uff: 2 functions (data set 58) beside modes are not read"]
+    assert test.warnings([], []) == expected
 
 
 @pytest.mark.slow
