@@ -352,7 +352,9 @@ class _Search:
             return
         room = np.sqrt(max(self.lowest**2 - below, 0.0))
         radius = room / abs(slope) if steep else np.inf
-        for candidate in own.within(centre, radius, free):
+        near = own.within(centre, radius, free)
+        for place in range(near.distance.size):
+            candidate = own.candidate(near, place)
             if candidate.picks == nearest.picks:
                 continue
             cost = below + abs(slope * (candidate.sum - centre)) ** 2 if steep else below

@@ -88,6 +88,9 @@ class WeightSums:
         self.size = len(whole.values)
         self._scale = float(np.abs(whole.values).max()) or 1.0
         self._tree = KDTree(_points(whole.values))
+        self._number = np.sum(whole.picks >= 0, axis=1)
+        self._used = _tally(whole.picks, choices.kind)
+        self._load = _tally(whole.picks, choices.place) if self.paired else None
 
     def nearest(self, wanted: complex, free: np.ndarray | None) -> Candidate | None:
         """The nearest sum, of several the lightest; `None` where the stock has none.
@@ -102,56 +105,80 @@ class WeightSums:
         while True:
             # The nearest sum may take weights that the stock has no more: further out, by and by.
             radius = radius * (1 + 1e-9) + _SAME_POINT * self._scale
-            candidates = self.within(wanted, radius, free)
-            if candidates:
-                closest = candidates[0].distance * (1 + 1e-9) + _SAME_POINT * self._scale
-                ties = [each for each in candidates if each.distance <= closest]
-                return min(ties, key=lambda each: (each.mass, len(each.picks)))
+            near = self.within(wanted, radius, free)
+            if near.distance.size:
+                closest = near.distance[0] * (1 + 1e-9) + _SAME_POINT * self._scale
+                ties = np.flatnonzero(near.distance <= closest)
+                return self.candidate(
+                    near, int(ties[np.lexsort((near.number[ties], near.mass[ties]))[0]])
+                )
             if radius > reach:
                 return None
             radius *= 1.5
 
-    def within(self, wanted: complex, radius: float, free: np.ndarray | None) -> list[Candidate]:
+    def within(self, wanted: complex, radius: float, free: np.ndarray | None) -> "Near":
         """All sums within a distance that the stock allows, the nearest first."""
+        listed = self._list
         centres = self._centres(wanted)
         radius = min(radius, 4 * self._scale + abs(wanted))
         found = self._tree.query_ball_point(_points(centres), radius)
-        candidates: dict[tuple[int, ...], Candidate] = {}
-        for first, seconds in enumerate(found):
-            for second in seconds:
-                picks = self._picks(first, second)
-                if picks not in candidates and self._allowed(picks, free):
-                    candidates[picks] = self._candidate(picks, wanted)
-        return sorted(candidates.values(), key=lambda each: (each.distance, each.mass))
+        first = np.repeat(np.arange(len(found)), [len(seconds) for seconds in found])
+        second = np.array([place for seconds in found for place in seconds], int)
+        distance = np.abs(centres[first] - listed.values[second])
+        mass, number = listed.mass[second], self._number[second]
+        used = self._used[second]
+        allowed = np.ones(second.size, bool)
+        if self._load is not None:
+            mass = mass + listed.mass[first]
+            number = number + self._number[first]
+            used = used + self._used[first]
+            load = self._load[first] + self._load[second]
+            allowed &= (load.max(axis=1, initial=0) <= self.choices.per_place) & (
+                number <= self.choices.most
+            )
+        if free is not None:
+            allowed &= np.all(used <= free, axis=1)
+        there = np.flatnonzero(allowed)
+        order = there[np.lexsort((mass[there], distance[there]))]
+        return Near(distance[order], mass[order], number[order], first[order], second[order])
 
-    def _centres(self, wanted: complex) -> np.ndarray:
-        """Where the list is looked at: what is wanted, less the first half of a pair."""
-        return wanted - self._list.values if self.paired else np.array([wanted])
-
-    def _picks(self, first: int, second: int) -> tuple[int, ...]:
-        numbers = self._list.picks[second].tolist()
+    def candidate(self, near: "Near", place: int) -> Candidate:
+        """One of the sums that were found, with its weights."""
+        numbers = self._list.picks[near.second[place]]
         if self.paired:
-            numbers = numbers + self._list.picks[first].tolist()
-        return tuple(sorted(number for number in numbers if number >= 0))
-
-    def _allowed(self, picks: tuple[int, ...], free: np.ndarray | None) -> bool:
-        choices = self.choices
-        if len(picks) > choices.most:
-            return False
-        numbers = list(picks)
-        if self.paired and np.bincount(choices.place[numbers]).max(initial=0) > choices.per_place:
-            return False
-        return free is None or bool(np.all(self.used(picks) <= free))
+            numbers = np.append(numbers, self._list.picks[near.first[place]])
+        picks = np.sort(numbers[numbers >= 0])
+        total = complex(self.choices.unbalance[picks].sum())
+        return Candidate(
+            float(near.distance[place]), float(near.mass[place]), total, tuple(picks.tolist())
+        )
 
     def used(self, picks: tuple[int, ...]) -> np.ndarray:
         """(kinds,) Weights of each kind in a combination."""
         return np.bincount(self.choices.kind[list(picks)], minlength=self.choices.kind.max() + 1)
 
-    def _candidate(self, picks: tuple[int, ...], wanted: complex) -> Candidate:
-        numbers = list(picks)
-        total = complex(self.choices.unbalance[numbers].sum())
-        mass = float(self.choices.mass[numbers].sum())
-        return Candidate(abs(total - wanted), mass, total, picks)
+    def _centres(self, wanted: complex) -> np.ndarray:
+        """Where the list is looked at: what is wanted, less the first half of a pair."""
+        return wanted - self._list.values if self.paired else np.array([wanted])
+
+
+class Near(NamedTuple):
+    """Sums near a point, each the entry `second` of the list, of a pair with its entry `first`."""
+
+    distance: np.ndarray
+    mass: np.ndarray
+    number: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+
+
+def _tally(picks: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """(n, labels) How often each label is among the choices that are picked."""
+    tally = np.zeros((len(picks), int(label.max()) + 1), np.int16)
+    for column in picks.T:
+        rows = np.flatnonzero(column >= 0)
+        tally[rows, label[column[rows]]] += 1
+    return tally
 
 
 def _points(values: np.ndarray) -> np.ndarray:

@@ -180,7 +180,8 @@ def test_pairs_of_sums_give_the_same_as_a_list_of_all(monkeypatch, counts):
     from jaxcomp.balancing import _places
 
     for seed in range(6):
-        influence, planted = system(4, 1 + seed % 2, seed=seed)
+        # with little that no weight removes, or every pair of planes would have to be looked at
+        influence, planted = system(4, 1 + seed % 2, seed=seed, noise=0.1)
         masses = np.abs(planted).mean() * np.array([0.2, 0.55, 0.9])
         places = Places(2 * np.pi * np.arange(6) / 6 + 0.1)
         options = {"counts": counts, "per_place": 1, "most_weights": 4}
