@@ -48,7 +48,8 @@ def accuracy(
             default solver; gradient: ways to a derivative; response: solvers by number of speeds;
             film: bearings beside Reynolds' equation; cycle: a cylinder with valves at constant speed,
             values and derivatives; extremes: steep rods, near locking, near stall, thin films, stiff
-            motors, near-singular responses.
+            motors, valves at low speed, with hard springs, light plates and small clearance,
+            near-singular responses.
         quantity (NAME): Quantity of which errors are taken, e.g. loss_power.wall, or friction_number,
             stiffness or damping of films; if absent, mechanical_efficiency or what suits the study.
         variable (NAME): Variable of the derivative; mechanism.crank_radius if absent.
@@ -124,9 +125,14 @@ def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:
     yield _tight(table)
     yield (
         "Values are mechanical efficiencies with the error that an independent march of one revolution "
-        "(diffrax) finds, of the efficiency and of the speed; of responses the largest displacement in m "
-        "and the difference of two linear solvers.\n"
+        "(diffrax) finds, of the efficiency and of the speed; of cycles with valves (low speed, hard "
+        "springs, light plates, small clearance) the volumetric efficiency, with the larger difference "
+        "of it and the indicated work from a march with located events; of responses the largest "
+        "displacement in m and the difference of two linear solvers.\n"
     )
+    if found.share_with_valves is not None:
+        answered, count = found.share_with_valves
+        yield f"Cycles with valves that are solved, or have no delivery: {answered} of {count}.\n"
     for case in cases:
         if not case.good:
             yield f"{case.family}, {case.setting}: {case.status}.\n"

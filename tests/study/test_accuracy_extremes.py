@@ -12,7 +12,7 @@ from jaxcomp.cli._accuracy import extremes_tables
 from jaxcomp.cli._output import plain
 from jaxcomp.plot.interface import extreme_errors
 from jaxcomp.study.accuracy import extremes
-from jaxcomp.study.accuracy._extremes import FAMILIES, scaled
+from jaxcomp.study.accuracy._extremes import FAMILIES, WITH_VALVES, scaled
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +80,32 @@ def test_table_picture_and_result_have_every_case(found, cases, tmp_path):
 def test_parts_that_are_absent_have_no_cases():
     # Coulomb joints without films, and no rotor
     assert extremes(load("mayekawa-wbhe"), ["thin film", "near-singular response"]).cases == ()
+
+
+def test_a_machine_without_valves_has_no_cycles_at_extremes():
+    scene = load("mayekawa-wbhe")
+    assert extremes(scene, WITH_VALVES).share_with_valves is None
+
+
+@pytest.mark.slow  # sizes of the cycle's program, and the march
+def test_cycles_with_valves_are_solved_at_extremes_and_told_with_errors():
+    found = extremes(load("r134a-7cc"), WITH_VALVES)
+    assert found.share_with_valves == (12, 12)
+    for case in found.cases:
+        # the march is at 1e-9 a step, and the smallest size of collocation states 1e-5
+        assert case.error < 1e-5, case
+        assert 0 < case.value < 1
+    words = "".join(word for word in extremes_tables(found) if isinstance(word, str))
+    assert "12 of 12" in words
+
+
+def test_numbers_of_both_valves_are_multiplied_and_of_nothing_else():
+    machine = load("r134a-7cc").compressor
+    changed = dict(FAMILIES["hard springs"].machines(machine))["stiffness of valves x 4"]
+    for valve in ("suction_valve", "discharge_valve"):
+        before, after = getattr(machine.gas, valve), getattr(changed.gas, valve)
+        np.testing.assert_allclose(after.stiffness, 4 * before.stiffness)
+        assert float(after.mass) == float(before.mass)
 
 
 def test_unknown_families_are_refused():

@@ -2,7 +2,8 @@ r"""A machine at its extremes: values with their errors, or the reason why there
 
 Each family moves numbers of the machine, step by step, towards a place where the equations become
 stiff, singular or impossible. The default solver gives value and status, an independent march of one
-revolution its error; of the rotor, two linear solvers are compared.
+revolution its error; of a cycle with valves the march with located events to its periodic state; of the
+rotor, two linear solvers are compared.
 """
 
 import dataclasses
@@ -23,11 +24,13 @@ from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
 from ...crankshaft.interface import film_journals
+from ...cylinder import CycleOptions, Cylinder, solve_cycle
 from ...machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ...mechanism import SliderCrank
-from ...motor import SlipLine
+from ...motor import ConstantSpeed, SlipLine
 from ...rotor import respond
 from ...vibration import loaded_rotor
+from ._cycle import one_cylinder
 from ._report import COMPUTER, this_computer
 from ._study import median_time
 
@@ -36,6 +39,10 @@ _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
 _SPEEDS, _COUNT = (0.05, 2.0), 400
 _LEAST_DAMPING = 1e-6  # [-] of the links' own
+# Of cycles with valves: the march that no buffer limits.
+_CYCLE_MARCH = CycleOptions(
+    method="march", panels=1024, capacity=65_536, max_passes=2_000_000, value_tolerance=1e-9
+)
 
 
 class Extreme(NamedTuple):
@@ -45,10 +52,12 @@ class Extreme(NamedTuple):
         family: what is extreme about it.
         setting: what was moved, and how far.
         status: of the solver, as a sentence.
-        value: [-] mechanical efficiency; of a response [m] its largest displacement.
-        error: [-] of the value: by the march, or the difference of the two linear solvers.
-        speed_error: [-] of the speed by the march, relative to the mean; `None` for a response.
-        margin: [-] against self-locking; `None` for a response.
+        value: [-] mechanical efficiency; of a cycle volumetric efficiency; of a response [m] its largest
+            displacement.
+        error: [-] of the value: by the march, of a cycle the larger one of value and indicated work; or
+            the difference of the two linear solvers.
+        speed_error: [-] of the speed by the march, relative to the mean; `None` for a cycle or response.
+        margin: [-] against self-locking; `None` for a cycle or response.
         iterations: of the solver; `None` for a response.
         seconds: [s] median of several warm calls, without the march.
     """
@@ -67,6 +76,11 @@ class Extreme(NamedTuple):
     def good(self) -> bool:
         """Whether there is a value."""
         return self.status == Status[Status.converged]
+
+    @property
+    def answered(self) -> bool:
+        """Whether there is a value, or what the machine does is known to have none: no delivery, wet."""
+        return self.good or self.status in (Status[Status.no_delivery], Status[Status.wet])
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +102,12 @@ class Extremes(Result):
     nested_units: ClassVar[str] = f"""{COMPUTER}
         rows: value {{efficiency}}; error, speed_error, margin, iterations; seconds [s]
     """
+
+    @property
+    def share_with_valves(self) -> tuple[int, int] | None:
+        """Cycles with valves that have an answer, and of how many; `None` for a machine without."""
+        cycles = [case for case in self.cases if case.family in WITH_VALVES]
+        return (sum(case.answered for case in cycles), len(cycles)) if cycles else None
 
     def nested(self) -> dict[str, Any]:
         """All cases, with the computer that they were measured on."""
@@ -131,7 +151,7 @@ def extremes(
         if family is None:
             found += _near_singular(name, assembly)
         elif assembly.compressor is not None:
-            found += (_solved(name, *one) for one in family.machines(assembly.compressor))
+            found += (family.solve(name, *one) for one in family.machines(assembly.compressor))
     return Extremes(getattr(scene, "name", "design"), tuple(found))
 
 
@@ -144,12 +164,14 @@ class Family(NamedTuple):
         change: from machine and number to the changed machine; `None` for one that has no solution
             to start from.
         has: whether a machine has what is changed.
+        solve: from family, setting and changed machine to the case.
     """
 
     label: str
     numbers: tuple[float, ...]
     change: Callable[[Compressor, float], Compressor | None]
     has: Callable[[Compressor], Any] = lambda compressor: True
+    solve: Callable[[str, str, Compressor], Extreme] = lambda *case: _solved(*case)
 
     def machines(self, compressor: Compressor) -> Iterator[tuple[str, Compressor]]:
         """Setting and machine of each number."""
@@ -201,6 +223,67 @@ def _times(end: str) -> Callable[[Compressor, float], Compressor]:
     return lambda compressor, factor: scaled(compressor, end, factor)[0]
 
 
+def _has_valves(compressor: Compressor) -> bool:
+    return isinstance(compressor.gas, Cylinder)
+
+
+def _times_of_valves(name: str) -> Callable[[Compressor, float], Compressor]:
+    """The machine with a number of both valves multiplied."""
+
+    def change(compressor: Compressor, factor: float) -> Compressor:
+        gas = compressor.gas
+        for valve in ("suction_valve", "discharge_valve"):
+            changed, _ = scaled(getattr(gas, valve), f".{name}", factor)
+            gas = replaced(gas, **{valve: changed})
+        return replaced(compressor, gas=gas)
+
+    return change
+
+
+def _valves_have(name: str) -> Callable[[Compressor], bool]:
+    """Whether a machine has valves with such a number."""
+
+    def has(compressor: Compressor) -> bool:
+        if not _has_valves(compressor):
+            return False
+        gas: Any = compressor.gas
+        return bool(scaled((gas.suction_valve, gas.discharge_valve), f".{name}", 1.0)[1])
+
+    return has
+
+
+def _at_speed(compressor: Compressor, factor: float) -> Compressor:
+    """The machine at a multiple of its speed, which is constant."""
+    return replaced(compressor, motor=ConstantSpeed(factor * compressor.motor.speed_guess))
+
+
+def _cycle_solved(family: str, setting: str, compressor: Compressor) -> Extreme:
+    """The cycle of the first cylinder at constant speed, beside the march to its periodic state."""
+    machine = one_cylinder(compressor)
+    arguments = machine.gas, machine.mechanism, machine.motor.speed_guess
+    cycle = solve_cycle(*arguments, throw=False)
+    march = solve_cycle(*arguments, _CYCLE_MARCH, throw=False)
+    errors = [
+        abs(float(getattr(cycle, name) / getattr(march, name)) - 1.0)
+        for name in ("indicated_work", "volumetric_efficiency")
+    ]
+    status = Status[cycle.status]
+    if bool(cycle.converged) and not bool(march.converged):
+        status = "converged, but the march that verifies it did not end"
+    good = status == Status[Status.converged]
+    return Extreme(
+        family,
+        setting,
+        status,
+        float(cycle.volumetric_efficiency),
+        max(errors) if good else float("inf"),
+        None,
+        None,
+        int(cycle.iterations),
+        median_time(lambda: solve_cycle(*arguments, throw=False)),
+    )
+
+
 FAMILIES: dict[str, Family | None] = {
     # connecting rods hardly longer than the crank
     "steep rod": Family(
@@ -229,9 +312,33 @@ FAMILIES: dict[str, Family | None] = {
     ),
     # motors of ever smaller slip, through the same mean torque at the same mean speed
     "stiff motor": Family("slip {:g}", (0.1, 0.01, 1e-3, 1e-4), with_slip),
+    # valves that swing many times in a revolution
+    "low speed": Family("speed x {:g}", (0.5, 0.2, 0.1), _at_speed, _has_valves, _cycle_solved),
+    "hard springs": Family(
+        "stiffness of valves x {:g}",
+        (4.0, 16.0, 64.0),
+        _times_of_valves("stiffness"),
+        _valves_have("stiffness"),
+        _cycle_solved,
+    ),
+    "light plates": Family(
+        "mass of valves x {:g}",
+        (0.3, 0.1, 0.03),
+        _times_of_valves("mass"),
+        _valves_have("mass"),
+        _cycle_solved,
+    ),
+    # clearances so small that the pressure falls and rises within a few degrees
+    "small clearance": Family(
+        "clearance x {:g}", (0.3, 0.1, 0.03), _times(".clearance_ratio"), _has_valves, _cycle_solved
+    ),
     # the rotor at a resonance
     "near-singular response": None,
 }
+# Families of cycles with valves.
+WITH_VALVES = tuple(
+    name for name, family in FAMILIES.items() if family and family.solve is _cycle_solved
+)
 
 
 def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
