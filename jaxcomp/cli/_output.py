@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _EVERY = 1.0
 # Characters in a line of a file or a pipe, which no screen cuts.
 _ENDLESS = 100_000
-_WRITTEN = "Report, pictures, curves, result and scene"
+_WRITTEN = "Report, pictures, curves, result and machine file"
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,8 @@ def result_files(
     """Contents of the files of a command by their names.
 
     Pictures, numbers, a report of both, and, where there is one, the scene as it was run. Where plotly is
-    installed, the pictures are on a page with hover and zoom as well.
+    installed, the pictures are on a page with hover and zoom as well, and where openpyxl is, numbers and
+    tables are in a workbook.
 
     Args:
         title: of that page.
@@ -206,6 +207,10 @@ def result_files(
     contents["result.json"] = f"{json_text(result, units)}\n".encode()
     for name, columns in (curves or {}).items():
         contents[f"{name}.csv"] = csv_text(dict(columns)).encode()
+    if find_spec("openpyxl"):
+        from ._spreadsheet import workbook
+
+        contents["results.xlsx"] = workbook(_with_units(result, units), curves or {})
     if scene is not None:
         contents["scene.toml"] = dump(scene).encode()
     # moving pictures have no hover and no zoom
@@ -276,8 +281,13 @@ def json_text(
         units: of its keys; those of the command in `_units.py` if absent.
         ascii_only: whether other signs are written as escapes.
     """
-    keyed = with_units(result, table_of(command_name()) if units is None else units)
+    keyed = _with_units(result, units)
     return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=ascii_only)
+
+
+def _with_units(result: dict[str, Any], units: Table | None) -> dict[str, Any]:
+    """Plain numbers with their units in their keys; those of the command if none are given."""
+    return with_units(result, table_of(command_name()) if units is None else units)
 
 
 def print_json(result: dict[str, Any], units: Table | None = None) -> None:

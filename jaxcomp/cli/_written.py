@@ -14,7 +14,14 @@ from ._start import CommandError
 
 RECORD = ".jaxcomp.json"
 # Names that commands write whatever they are asked, for which a folder is looked through before the work.
-FIXED_NAMES = ("report.html", "result.json", "interactive.html", "partial.csv", "identified.json")
+FIXED_NAMES = (
+    "report.html",
+    "result.json",
+    "interactive.html",
+    "results.xlsx",
+    "partial.csv",
+    "identified.json",
+)
 _FEW = 4  # files that a message names
 
 

@@ -1,4 +1,4 @@
-"""Text of tables of every kind in CSV: settings, heads with units, and lines of cells.
+"""Text of tables of every kind in CSV and workbooks: settings, heads with units, and lines of cells.
 
 Lines that begin with `#` stand beside the table: `# speed = 900 rpm` is a setting, any other a remark.
 Cells are parted by commas, semicolons or tabs, of which the line of heads decides; beside semicolons and
@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from .._core.files import regular
 from ._text import LARGEST, SceneError, reading
+from ._workbook import SUFFIXES, sheet_text
 
 _MARKS = {
     codecs.BOM_UTF8: "utf-8",
@@ -78,18 +79,21 @@ class TableText(NamedTuple):
 
 
 def read_table_text(path: str | os.PathLike) -> TableText:
-    """Content of a CSV file.
+    """Content of a CSV file, or of a sheet of a workbook: `readings.xlsx`, or `readings.xlsx#sheet`.
 
     Raises:
         SceneError: a file that cannot be read, is too large or no text, a line with more or fewer cells
-            than heads, or numbers with decimal commas and decimal points in one file. It names the file.
+            than heads, or numbers with decimal commas and decimal points in one file; of a workbook as
+            `sheet_text`. It names the file.
     """
     with reading(os.fspath(path)):
-        with open(regular(path), "rb") as file:
+        name, _, sheet = os.fspath(path).partition("#")
+        is_workbook = name.lower().endswith(SUFFIXES)
+        with open(regular(name if is_workbook else path), "rb") as file:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise SceneError("", f"is larger than {LARGEST / 1e6:.0f} MB")
-        return table_text(decoded(content))
+        return table_text(sheet_text(content, sheet) if is_workbook else decoded(content))
 
 
 def decoded(content: bytes) -> str:
