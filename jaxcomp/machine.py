@@ -104,7 +104,7 @@ class Assembly(NamedTuple):
         if given not in ("crank", None):
             raise BadInput("excitation", given, "'crank' or 'file'")
         if not joined:
-            raise BadInput("excitation", "crank", "'file' for a scene without loads.crank")
+            raise BadInput("excitation", "crank", "'file' for a machine without loads.crank")
         return "crank"
 
 

@@ -33,7 +33,7 @@ class MissingPart(BadInput):
 
     def __init__(self, quantity: str, part: str):
         super().__init__(quantity, "absent", part)
-        self.args = (f"Quantity '{quantity}' needs {part}; this scene has none.",)
+        self.args = (f"Quantity '{quantity}' needs {part}; this machine has none.",)
 
 
 class QuantityFailed(BadInput):

@@ -56,7 +56,7 @@ def with_one_unit(parts: Sequence[str]) -> list[str]:
 
 
 def entry(text: str) -> Any:
-    """The entry of a scene file that a text stands for.
+    """The entry of a machine file that a text stands for.
 
     What is valid TOML counts as such (`0.02`, `true`, `[1, 2]`), the word `none` takes an optional
     entry away, and everything else is a text (`800rpm`).

@@ -58,7 +58,7 @@ class Objective:
         refuse(
             self.method == "classical" and (bounded or planes or measured or self.limit),
             "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
-            "balances the rotor of a scene in both planes",
+            "balances the rotor of a machine in both planes",
         )
         what = "--method min-max cannot be combined with --tikhonov or --largest"
         refuse(self.method == "min-max" and bounded, what)
@@ -283,10 +283,10 @@ def balance(
         plane-1,bearing-1,3000,4.9,114,120,0
 
     Args:
-        machine: Bundled machine or scene file with a rotor; none with --measured.
+        machine: Bundled machine or machine file with a rotor; none with --measured.
         planes (A,B): Correction planes; all if absent.
         targets (A,B): Target planes; all if absent.
-        speeds (SPEEDS): Speeds, e.g. 3000rpm,3600rpm or 3000rpm:3600rpm:7; the scene's if absent.
+        speeds (SPEEDS): Speeds, e.g. 3000rpm,3600rpm or 3000rpm:3600rpm:7; the machine's if absent.
         method: Weighted sum of squares, or the largest vibration.
         tikhonov: Penalty on the masses, 0 for none; least squares only.
         largest (U): Bound of every correction, e.g. '800 g mm', or of single planes, e.g.
@@ -335,7 +335,7 @@ def balance(
         influence = setting.with_trials_left_on(influence)
         part = _weighted(jc.balancing.select(influence, **chosen), objective.weights)
         if scene is not None and objective.method == "classical":
-            needs = "--method classical: needs a scene with two correction planes"
+            needs = "--method classical: needs a machine with two correction planes"
             refuse(len(influence.planes) != 2, needs)
             found = jc.balancing.balance_rotor_alone(part, scene, **crank)
         else:
@@ -395,7 +395,7 @@ def _places_of(text: str, option: str) -> list[float]:
 
 
 def _speeds(scene: jc.scene.Scene, speeds: str | None):
-    """[rad/s] Speeds at which a scene with a rotor, planes and loads is balanced."""
+    """[rad/s] Speeds at which a machine with a rotor, planes and loads is balanced."""
     import jax.numpy as jnp
 
     rotor_of(scene)

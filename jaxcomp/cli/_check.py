@@ -1,4 +1,4 @@
-"""`jaxcomp check`: what a scene file holds, or everything that is wrong with it."""
+"""`jaxcomp check`: what a machine file holds, or everything that is wrong with it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ._tables import row_table
 
 
 def check(case: opt.Case, as_json: opt.AsJson = False) -> None:
-    """Read a scene file: show its parts and what follows from them, or all its errors.
+    """Read a machine file: show its parts and what follows from them, or all its errors.
 
     Exit code 2 if anything is wrong. Unusual values are pointed at, but are no errors.
 

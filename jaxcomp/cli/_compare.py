@@ -38,7 +38,7 @@ def compare(
     motor.mean_speed=800rpm[/bold]
 
     Args:
-        machines: Bundled machines (see `jaxcomp list`) or scene files; one alone with --with.
+        machines: Bundled machines (see `jaxcomp list`) or machine files; one alone with --with.
         variants (NAME=VALUE): A variant of the machine: a value as for --set, or a design rule such as
             bore_at_displacement=120mm. Repeatable: each is a design of its own.
         quantity (NAME): Show this quantity and the dimensions alone, e.g. cop or peak_force.crank_pin.

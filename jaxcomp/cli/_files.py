@@ -39,7 +39,7 @@ def new(
     ] = None,
     force: bool = False,
 ) -> None:
-    """Write a scene file to start from, with a comment on every entry.
+    """Write a machine file to start from, with a comment on every entry.
 
     Example: [bold]jaxcomp new my-machine.toml --kind refrigeration[/bold], [bold]jaxcomp new
     my-machine.toml --from r290-6cc[/bold]
@@ -47,7 +47,7 @@ def new(
     Args:
         file: File to write; - prints it.
         kind: What to start from.
-        machine (MACHINE): Bundled machine or scene file to start from, with its numbers.
+        machine (MACHINE): Bundled machine or machine file to start from, with its numbers.
         force: Write over a file.
     """
     printed = str(file) == "-"
@@ -143,7 +143,7 @@ def list_machines(
     list --quantities[/bold], [bold]jaxcomp list --variables mayekawa-wbhe[/bold]
 
     Args:
-        machine: Machine or scene file whose values and sources to show, or `fluids`.
+        machine: Bundled machine or machine file whose values and sources to show, or `fluids`.
         quantities: Quantities that studies know, with unit and meaning; of a machine joint by joint.
         variables: Numbers of a machine that studies can change, and design rules.
         as_json: Print one JSON object instead of a table.

@@ -144,7 +144,7 @@ def update(
             of a list, e.g. rotor.shafts.5.outer_diameter.0. Repeatable.
         within (LOW:HIGH): Bounds of every factor.
         held: Measured in its bearings, not hanging free.
-        regularisation: Penalty on the distance from the scene's values, 0 for none.
+        regularisation: Penalty on the distance from the machine's values, 0 for none.
     """
     try:
         low, high = (float(part) for part in within.split(":"))

@@ -138,7 +138,7 @@ def optimise(asked: Asked, output: Output) -> None:
             lambda: {"pareto": jc.plot.interface.pareto_front(found)},
             scene,
             {"front": found.columns},
-            "Report, picture, result and scene",
+            "Report, picture, result and machine file",
             beside=said,
         )
         return
@@ -154,7 +154,7 @@ def optimise(asked: Asked, output: Output) -> None:
         scene,
         {"designs": found.columns},
         "Report, pictures, designs, result and "
-        + ("optimised scene" if found.feasible else "the scene of the nearest design"),
+        + ("optimised machine" if found.feasible else "the machine of the nearest design"),
         beside=said,
     )
     if not found.feasible:

@@ -26,7 +26,7 @@ _MACHINES = Path(__file__).parents[1] / "machines"
 
 # ------------------------------------------------------------------- completion
 def complete_machine(incomplete: str) -> list[tuple[str, str]]:
-    """Bundled machines with their descriptions, then scene files and folders."""
+    """Bundled machines with their descriptions, then machine files and folders."""
     found = []
     for file in sorted(_MACHINES.glob("*.toml")):
         if file.stem.startswith(incomplete):
@@ -35,7 +35,7 @@ def complete_machine(incomplete: str) -> list[tuple[str, str]]:
     for file in sorted(folder.glob("*")) if folder.is_dir() else ():
         name = f"{file}/" if file.is_dir() else str(file)
         if name.startswith(incomplete) and (file.is_dir() or file.suffix == ".toml"):
-            found.append((name, "scene file" if file.suffix == ".toml" else "folder"))
+            found.append((name, "machine file" if file.suffix == ".toml" else "folder"))
     return found
 
 
@@ -203,7 +203,8 @@ def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.C
 Machine = Annotated[
     str,
     typer.Argument(
-        help="Bundled machine (see `jaxcomp list`) or scene file.", autocompletion=complete_machine
+        help="Bundled machine (see `jaxcomp list`) or machine file.",
+        autocompletion=complete_machine,
     ),
 ]
 AccuracyOption = Annotated[
@@ -239,7 +240,7 @@ Sets = Annotated[
     typer.Option(
         "--set",
         metavar="PATH=VALUE",
-        help="Set a value of the scene (motor.mean_speed=800rpm, or a pattern such as "
+        help="Set a value of the machine (motor.mean_speed=800rpm, or a pattern such as "
         "friction.*.coefficient=0.1; `none` takes an optional one away), a design rule "
         "(bore_at_displacement=120mm: the stroke follows) or a correction mass (corrections.PLANE.x). "
         "Repeatable.",
@@ -299,7 +300,7 @@ Speed = Annotated[
     typer.Option(
         "--speed",
         metavar="SPEED",
-        help="Speed to solve, e.g. 3000rpm; those of the scene if absent. Repeatable.",
+        help="Speed to solve, e.g. 3000rpm; those of the machine if absent. Repeatable.",
     ),
 ]
 Speeds = Annotated[

@@ -32,7 +32,7 @@ def animate(
 
     Args:
         out: Folder for the moving pictures (GIF) and report.html.
-        speed (SPEED): Speed of the rotor, e.g. 3000rpm; the scene's if absent.
+        speed (SPEED): Speed of the rotor, e.g. 3000rpm; the machine's if absent.
         frames: Pictures per revolution.
     """
     output = Output(out=out, force=force)

@@ -19,7 +19,7 @@ from ._tables import row_table
 # Orders of the crank's forces that are shown if none are named; those above are small.
 _OF_CRANK = (1, 2, 3, 4)
 _EXCITED = {
-    "file": "unbalances and forces of the scene",
+    "file": "unbalances and forces of the machine",
     "crank": "unbalances and the crank's periodic state at each speed",
 }
 

@@ -25,7 +25,7 @@ def scene_speeds(scene: jc.scene.Scene) -> np.ndarray:
     from ..vibration.interface import own_speeds
 
     own = own_speeds(scene.parts.get("balancing"), scene.compressor)
-    refuse(own is None, "--speed: is missing, and the scene names no speed of its own")
+    refuse(own is None, "--speed: is missing, and the machine names no speed of its own")
     return np.asarray(own)
 
 

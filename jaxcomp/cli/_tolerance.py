@@ -88,7 +88,7 @@ def tolerance(
     options = analysis.options(scene, excitation)
     design = jc.machine.machine_of(scene)
     if balanced:
-        refuse(not design.corrections, "--balanced: needs a scene with balancing planes")
+        refuse(not design.corrections, "--balanced: needs a machine with balancing planes")
         design = jc.study.balanced_design(design, options)
     given, correlations = read_tolerances(design, vary, tolerances, correlate)
     limits = bounds_of(limit, "--limit", equalities=False)

@@ -182,7 +182,7 @@ class Desk:
         self._dragged = ""
 
     def enter(self, name: str, text: str) -> None:
-        """Give a number the value that was typed, checked as in a scene file.
+        """Give a number the value that was typed, checked as in a machine file.
 
         Raises:
             SceneError: as `jaxcomp.load`.
@@ -238,7 +238,7 @@ class Desk:
         return with_machine(self.scene, self.machine, _SOURCE)
 
     def toml(self) -> str:
-        """The text of its scene file, with the comments of the file that it was loaded from."""
+        """The text of its machine file, with the comments of the file that it was loaded from."""
         return dump(self.changed_scene())
 
     def warnings(self) -> list[str]:

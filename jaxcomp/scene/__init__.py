@@ -1,4 +1,4 @@
-"""Scene files: machines in TOML with units, and the source of every value."""
+"""Machine files: machines in TOML with units, and the source of every value."""
 
 from . import interface as interface
 from ._annotated import start as start

@@ -64,7 +64,7 @@ def start_files() -> dict[str, Any]:
 
 
 def start(kind: str, name: str) -> str:
-    """The text of a scene file to start from, one of `starts`.
+    """The text of a machine file to start from, one of `starts`.
 
     Args:
         kind: key of `starts`.

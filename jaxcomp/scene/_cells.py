@@ -21,7 +21,7 @@ _KEY_OF_COLUMN = re.compile(r"\w+")
 
 
 def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
-    """Tables of a scene file in which every key `csv` gives way to the columns of that file.
+    """Tables of a machine file in which every key `csv` gives way to the columns of that file.
 
     Args:
         tables: as read.

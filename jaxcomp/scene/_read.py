@@ -1,4 +1,4 @@
-"""From the tables of a scene file to parts."""
+"""From the tables of a machine file to parts."""
 
 from collections.abc import Callable, Container, Iterable, Mapping
 from typing import Any
@@ -27,7 +27,7 @@ from ._units import to_si
 
 # Keys of a section that are no fields of its part.
 _META = ("type", "source")
-# Keys and types of scene files of version 0.1 that are spelt otherwise now.
+# Keys and types of machine files of version 0.1 that are spelt otherwise now.
 _BEARING = '"bearing", the name of a bearing that a section [bearings.NAME] describes'
 _OLD_KEYS: dict[tuple[str, str], str] = {
     ("SliderLink", "eccentricity"): '"offset", with the opposite sign, as for the slider_crank',

@@ -1,4 +1,4 @@
-"""Scene files: a machine with the source of every value, read from TOML."""
+"""Machine files: a machine with the source of every value, read from TOML."""
 
 import dataclasses
 import os
@@ -38,7 +38,7 @@ HEADER = ("name", "description", "source")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """What a scene file describes.
+    """What a machine file describes.
 
     Attributes:
         name: short name of the machine.
@@ -81,7 +81,7 @@ class Scene:
         """
         if self.compressor is None:
             raise SceneError(
-                "mechanism", "is missing: this scene describes no compressor", file=self.file
+                "mechanism", "is missing: this machine file describes no compressor", file=self.file
             )
         return self.compressor
 
@@ -99,7 +99,7 @@ class Bundled(NamedTuple):
 
 
 def load(name_or_path: str | os.PathLike) -> Scene:
-    """Read a scene file.
+    """Read a machine file.
 
     Args:
         name_or_path: name of a bundled machine (see `machines`) or path of a TOML file.

@@ -1,4 +1,4 @@
-"""What a scene file may say: its sections, and what each may hold, read off the class of its part."""
+"""What a machine file may say: its sections, and what each may hold, read off the class of its part."""
 
 import dataclasses
 import inspect

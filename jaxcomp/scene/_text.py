@@ -1,4 +1,4 @@
-"""The text of scene files: TOML into tables and back, and what is wrong with it, in one line."""
+"""The text of machine files: TOML into tables and back, and what is wrong with it, in one line."""
 
 import json
 import re

@@ -65,7 +65,7 @@ FREQUENT = {
 def to_si(
     given: Any, unit: str, key: str, default_unit: str | None = None, difference: bool = False
 ) -> np.ndarray:
-    """A value of a scene file in SI units.
+    """A value of a machine file in SI units.
 
     A temperature may be given in degrees ("-23.3 degC"), a difference of temperatures in K only.
 
@@ -227,7 +227,7 @@ def _oil(grade: re.Match, key: str, given: str) -> float:
 
 
 def as_text(value: Any, unit: str, given: Any = None) -> Any:
-    """A number in SI as an entry of a scene file, exact to the last bit; a list for an array.
+    """A number in SI as an entry of a machine file, exact to the last bit; a list for an array.
 
     Args:
         value: the number, or an array.
@@ -252,7 +252,7 @@ def as_text(value: Any, unit: str, given: Any = None) -> Any:
 
 
 def in_celsius(given: Any, key: str) -> Any:
-    """An entry of a scene file, in degrees Celsius where it is a temperature in kelvins."""
+    """An entry of a machine file, in degrees Celsius where it is a temperature in kelvins."""
     if isinstance(given, list):
         return [in_celsius(one, f"{key}.{at}") for at, one in enumerate(given)]
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None

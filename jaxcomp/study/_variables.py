@@ -32,7 +32,7 @@ class Variable(NamedTuple):
 
     Attributes:
         name: of a rule in `design_rules` (the machine follows as a whole), or the dotted path of a
-            number as in a scene file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
+            number as in a machine file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
             "corrections.rotor-top.x", or .y, .magnitude, .angle). A path to a list of numbers is a
             common factor on all of them, which is 1 as the design stands.
         low, high: [SI] in the unit of the number.

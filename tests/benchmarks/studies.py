@@ -461,7 +461,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("study", choices=STUDIES)
-    parser.add_argument("machine", nargs="?", help="bundled machine or scene file")
+    parser.add_argument("machine", nargs="?", help="bundled machine or machine file")
     parser.add_argument("--quantity")
     parser.add_argument("--variable")
     parser.add_argument("--error", type=float, default=1e-6)

@@ -127,7 +127,7 @@ def test_no_design_that_keeps_its_limits_is_an_optimum(tmp_path):
     assert "no design found within the ranges keeps its limits" in first
     assert f"the nearest breaks swept_volume <= 500 cm³ {excess}" in first
     assert "ptimum" not in shown.stdout
-    assert "the scene of the nearest design" in shown.stdout
+    assert "the machine of the nearest design" in shown.stdout
     result = read_json((tmp_path / "result.json").read_text())
     assert not result["feasible"]
     assert result["status"] == "no feasible design"

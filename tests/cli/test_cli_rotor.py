@@ -1,4 +1,4 @@
-"""Rotors from scene files: reading, refusals, `jaxcomp respond` and `jaxcomp modes`, pictures."""
+"""Rotors from machine files: reading, refusals, `jaxcomp respond` and `jaxcomp modes`, pictures."""
 
 import subprocess
 import sys

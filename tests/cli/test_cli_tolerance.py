@@ -95,7 +95,7 @@ def test_tables_and_files(tmp_path):
         ((*VARY, "--limit", "mechanical_efficiency>=94.5"), 'is "94.5 %" meant?'),
         ((*VARY, "--correlate", f"{BORE}=0.3"), "A,B=VALUE"),
         ((*VARY, "--correlate", f"{BORE},x=0.3"), "mechanism.bore and x"),
-        ((*VARY, "--balanced"), "--balanced: needs a scene with balancing planes"),
+        ((*VARY, "--balanced"), "--balanced: needs a machine with balancing planes"),
         ((*VARY, "--samples", "3"), "--samples 3"),
         (("--tolerances", "nothing.toml"), "nothing.toml"),
     ],

@@ -1,4 +1,4 @@
-"""Scene files: values, units, sources, changes and the way back to TOML."""
+"""Machine files: values, units, sources, changes and the way back to TOML."""
 
 import math
 import subprocess
@@ -333,7 +333,7 @@ def test_a_registered_section_is_read_without_code_of_its_own(housing):
     assert part.mounts[1].axes == ("uz",)
     np.testing.assert_allclose(part.mounts[0].law.stiffness, [2500, 6000])
     assert loads(HOUSING + MINIMAL).compressor is not None
-    with pytest.raises(scenes.SceneError, match="this scene describes no compressor"):
+    with pytest.raises(scenes.SceneError, match="this machine file describes no compressor"):
         scene.as_compressor()
 
 

@@ -99,7 +99,7 @@ def test_a_rule_moves_the_whole_machine(mayekawa):
         (
             {"bore_at_displacement": (0.1, 0.2)},
             ["vibration"],
-            "'vibration' needs a rotor; this scene has none",
+            "'vibration' needs a rotor; this machine has none",
         ),
         ({"bore_at_displacement": (0.1, 0.2)}, [], "quantities.*at least one"),
     ],

@@ -142,9 +142,9 @@ def _check_parts(question: Question, kind: StudyKind) -> None:
     """Raise unless the machine has what the study needs."""
     made, lacks = question.assembly, ""
     if kind.needs == "crank" and made.compressor is None:
-        lacks = "one that a scene without compressor has, such as 'response'"
+        lacks = "one that a machine without compressor has, such as 'response'"
     if kind.needs == "rotor" and None in (made.rotor, made.loads, made.balancing):
-        lacks = "one that the scene has: it needs a rotor with its planes"
+        lacks = "one that the machine has: it needs a rotor with its planes"
     if lacks:
         raise BadInput("study", kind.name, lacks)
 
