@@ -90,7 +90,36 @@ def write_pages(out: Path = OUT) -> list[str]:
     sections = {name: entries for entry in settings["nav"] for name, entries in entry.items()}
     sections["Reference"] += [{name: _page_of(name)} for name in public_names()]
     (out / "mkdocs.yml").write_text(yaml.safe_dump(settings, sort_keys=False), "utf-8")
+    (out / "pages" / "llms.txt").write_text(_index_for_programs(pages, settings), "utf-8")
     return problems
+
+
+def _index_for_programs(pages: dict[str, str], settings: dict) -> str:
+    """The pages that programs are told of, by the convention of llms.txt: titles and first sentences."""
+    lines = [f"# {settings['site_name']}\n", f"> {settings['site_description']}\n"]
+    lines += ["Begin with [the page for scripts and assistants](scripts.html).\n"]
+    for section in settings["nav"]:
+        for name, entries in section.items():
+            listed = [entries] if isinstance(entries, str) else entries
+            lines += [f"## {name}\n", *_entries_for_programs(pages, listed), ""]
+    return "\n".join(lines)
+
+
+def _entries_for_programs(pages: dict[str, str], entries: list) -> list[str]:
+    """Lines of pages, with those of sections within; the reference of packages tells itself."""
+    lines = []
+    for entry in entries:
+        if isinstance(entry, dict):
+            (inner,) = entry.values()
+            lines += _entries_for_programs(pages, inner) if isinstance(inner, list) else []
+            continue
+        title, _, below = pages[entry].partition("# ")[2].partition("\n")
+        paragraph = re.search(r"^(?!```)[A-Z`][^#|<]*?(?=\n\n|\Z)", below, re.M)
+        sentence = ""
+        if paragraph:
+            sentence = re.split(r"(?<=(?<!al)[.:]) (?=[A-Z`])", paragraph[0].replace("\n", " "))[0]
+        lines.append(f"- [{title}]({entry[:-3]}.html): {sentence}")
+    return lines
 
 
 def finish(out: Path = OUT) -> list[str]:

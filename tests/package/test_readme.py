@@ -310,6 +310,10 @@ def test_pages_of_the_site_are_markdown_before_it_is_built(tmp_path, monkeypatch
     quantities = (pages / "reference" / "quantities.md").read_text("utf-8")
     assert "| `cop` |  | more | Capacity over electric power;" in quantities
     assert "\n## r290-6cc\n" in (pages / "reference" / "machines.md").read_text("utf-8")
+    index = (pages / "llms.txt").read_text("utf-8")
+    of_machines = {page for page in listed(settings["nav"]) if page.startswith("reference/jaxcomp")}
+    for page in set(listed(settings["nav"])) - of_machines:
+        assert f"]({page[:-3]}.html): " in index, page
     problems = []
     build["_with_site_links"]("start.md", "[a](gone.md), [b](../setup.cfg)", problems)
     assert problems == ["notebooks/start.md: the site has no page for ../setup.cfg"]
