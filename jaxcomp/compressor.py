@@ -82,7 +82,7 @@ class Compressor(Part):
 
     @property
     def load_reversals(self) -> int:
-        """How many contact or pin loads may reverse in the mid-stroke of an ordinary revolution."""
+        """Number of contact or pin loads that may reverse in the mid-stroke of an ordinary revolution."""
         return self.crankshaft.count * self.mechanism.load_reversals
 
     @property
@@ -153,7 +153,7 @@ def _check_ports(compressor: Compressor) -> None:
 
 @runtime_checkable
 class HasCompressor(Protocol):
-    """What verbs of the crank take beside a compressor: a machine or a scene."""
+    """Protocol of what verbs of the crank take beside a compressor: a machine or a scene."""
 
     def as_compressor(self) -> Compressor:
         """The compressor put together."""
@@ -206,7 +206,7 @@ def at_speed(compressor: Compressor, speed: Float[Array, ""]) -> Compressor:
 
 
 class Instants(eqx.Module):
-    """What crank angles alone decide, whatever the speed: prepared once and passed on.
+    """Quantities that crank angles alone decide, whatever the speed: prepared once and passed on.
 
     Kinematics, pressure and gas force have a leading axis of the k cylinders.
 
@@ -233,7 +233,9 @@ class Instants(eqx.Module):
 
 
 class CylinderInstants(NamedTuple):
-    """The same of every cylinder by itself, without the crankshaft; all are (k, *n)."""
+    """Quantities of crank angles for every cylinder by itself, without the crankshaft; all are (k,
+    *n).
+    """
 
     kinematics: AbstractKinematics
     inertia: Float[Array, "k *n"]
@@ -246,7 +248,7 @@ class CylinderInstants(NamedTuple):
 def of_each_cylinder(
     compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
 ) -> CylinderInstants:
-    """What crank angles decide of each cylinder, by its own crank angle, with its weights.
+    """Quantities of crank angles for each cylinder, by its own crank angle, with its weights.
 
     Args:
         compressor: the machine.

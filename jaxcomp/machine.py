@@ -89,7 +89,7 @@ class Assembly(NamedTuple):
         return (*self.unbalances, *(self.loads.forces if self.loads else ()))
 
     def excitation(self, given: str | None = None) -> Literal["crank", "file"]:
-        """What shakes the rotor: the forces of the scene, or those of the crank's periodic state.
+        """Source of the forces on the rotor: those of the file, or those of the crank's periodic state.
 
         Args:
             given: "file" or "crank"; absent: the scene's if it has any or no crank joined to the rotor.
@@ -116,7 +116,7 @@ def follows_rotor(machine: Machine) -> bool:
 
 @runtime_checkable
 class HasMachine(Protocol):
-    """What verbs of a whole machine take beside a machine: a scene of `jaxcomp.load`."""
+    """Protocol of what verbs of a whole machine take beside a machine: a scene of `jaxcomp.load`."""
 
     @property
     def machine(self) -> Machine:

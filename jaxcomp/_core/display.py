@@ -51,7 +51,7 @@ _SMALL = ("mm", "g mm", "g", "°", "rpm")
 
 
 class Shown(NamedTuple):
-    """How a variable or quantity is shown.
+    """Format in which a variable or quantity is shown.
 
     Attributes:
         words: its name.
@@ -84,7 +84,7 @@ class Shown(NamedTuple):
 
     @property
     def drawn(self) -> "Shown":
-        """The same for an axis, which has one unit: that of temperatures is °C."""
+        """Format for an axis, which has one unit: that of temperatures is °C."""
         if not self.celsius:
             return self
         return Shown(self.words, "°C", 1.0, -ZERO_CELSIUS)
@@ -106,7 +106,7 @@ class Shown(NamedTuple):
 
     @property
     def differences(self) -> "Shown":
-        """The same for differences of values, such as deviations: they have no zero."""
+        """Format for differences of values, such as deviations: they have no zero."""
         return self._replace(zero=0.0, celsius=False)
 
     def difference(self, value: float, digits: int = 5) -> str:
@@ -176,7 +176,7 @@ def vibration_unit(unit: str) -> tuple[str, float]:
 
 
 def axes_words(banks: Sequence[float]) -> str:
-    """What the axes x and y of a machine are, by the directions of its cylinders [rad]."""
+    """Names of the axes x and y of a machine, by the directions of its cylinders [rad]."""
     degrees = sorted({round(math.degrees(bank), 6) for bank in banks})
     if not any(degrees):
         return "x: along the cylinder towards the head; y: across."
@@ -197,7 +197,8 @@ _ALIGNED = re.compile(
 
 
 def behind(texts: Sequence[str]) -> list[str]:
-    """What numbers lack behind them for the points to stand in a column: as wide, and never to be read.
+    """Padding behind numbers for their points to stand in a column: as wide as digits, and never to be
+    read.
 
     All numbers must have the same unit, or none; otherwise they stay as they are, as texts do.
 

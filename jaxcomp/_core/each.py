@@ -70,7 +70,7 @@ def stacked(parts: Sequence[Any]) -> Any:
 def mapped(
     function: Callable[..., Any], parts: Sequence[Any], *arguments, axis: int = 0, out_axis: int = 0
 ) -> Any:
-    """What a function gives for every part of a row, with an axis of them.
+    """Values of a function for every part of a row, with an axis of them.
 
     Args:
         function: of a part, and what is passed on of the arguments.
@@ -141,6 +141,6 @@ class AbstractEach(Part):
         return self.laws[self.of_cylinder[number - 1] - 1]
 
     def each(self, method: Callable[..., Any], *arguments) -> Any:
-        """What a method of the laws gives for every cylinder, see `mapped`."""
+        """Values of a method of the laws for every cylinder, see `mapped`."""
         laws = [self.one(number + 1) for number in range(len(self.of_cylinder))]
         return mapped(method, laws, *arguments)

@@ -24,7 +24,7 @@ class BadInput(ValueError):
         super().__init__(f"`{field}` must be {bound}{but}.")
 
     def inside(self, where: str) -> "BadInput":
-        """The same complaint with the name of the part that holds the field in front."""
+        """This complaint with the name of the part that holds the field in front."""
         return BadInput(f"{where}.{self.field}", self.value, self.bound)
 
 
@@ -53,7 +53,7 @@ def no_machine(given: Any, part: str = "") -> BadInput:
 
 
 def kind_text(part: Any) -> str:
-    """What a part of a machine is, as the `type` of its section says; the class of anything else."""
+    """Kind of a part of a machine, as the `type` of its section says; the class of anything else."""
     return str(getattr(part, "kind", "") or type(part).__name__)
 
 

@@ -48,7 +48,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 
 class _Hole(NamedTuple):
-    """What stands for an array in the structure of arguments and results."""
+    """Stand-in for an array in the structure of arguments and results."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -106,7 +106,7 @@ def _refuse_mixed_precision(leaves: list[Any]) -> None:
 
 
 def _hole(leaf: Any) -> _Hole | None:
-    """What stands for an array; `None` for anything else."""
+    """The stand-in for an array; `None` for anything else."""
     if isinstance(leaf, jax.Array | np.ndarray):
         return _Hole(leaf.shape, leaf.dtype.str, bool(getattr(leaf, "weak_type", False)))
     return None
@@ -223,7 +223,7 @@ def _pickled(thing: Any, pickler: type[pickle.Pickler]) -> bytes:
 
 
 class _Pickler(pickle.Pickler):
-    """Of structures whose classes and functions are all of packages whose versions are known.
+    """Pickler of structures whose classes and functions are all of packages whose versions are known.
 
     Raises:
         _Refused: one is of another package.
@@ -251,7 +251,7 @@ class _KeyPickler(_Pickler):
 
 
 def _settings() -> tuple[Any, ...]:
-    """What of the settings of JAX a traced program depends on."""
+    """Settings of JAX on which a traced program depends."""
     from jax._src import config
 
     return *config.trace_context(), jax.default_backend()

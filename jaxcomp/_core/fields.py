@@ -246,7 +246,7 @@ def subparts(tree: Any) -> Iterator[tuple[str, Part]]:
 
 
 def at(tree: Any, path: str | Sequence[str]) -> Any:
-    """What stands at the end of a path, dotted or in steps, through parts, tables and lists.
+    """The object at the end of a path, dotted or in steps, through parts, tables and lists.
 
     Raises:
         LookupError: a step leads nowhere.
@@ -327,7 +327,7 @@ def rebuilt(part: _Tree, **changes) -> _Tree:
 
 
 def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
-    """What to write for a length that was given in millimetres."""
+    """Advice for a length that was given in millimetres."""
     if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
         return ""
     largest = float(value.max())

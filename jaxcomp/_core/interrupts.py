@@ -32,7 +32,7 @@ _unfinished: set[str] = set()  # files
 
 
 def words_when_stopped(words: str = "stopped") -> None:
-    """What a program that is interrupted from now on says of its work."""
+    """Set the words with which a program that is interrupted from now on tells of its work."""
     _state["words"] = words
 
 

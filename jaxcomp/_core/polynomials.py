@@ -35,7 +35,8 @@ class Rule(NamedTuple):
 
     @property
     def damping(self) -> np.ndarray:
-        """What makes `integral` that of Radau's method IIA: errors of a stiff equation die in one panel.
+        """Weights that make `integral` that of Radau's method IIA: errors of a stiff equation die in one
+        panel.
 
         By it the highest Legendre polynomial of the integral, which vanishes at the nodes, is replaced
         by the one below, of the same value at the right end (Hairer and Wanner 1996, Solving Ordinary
@@ -89,7 +90,7 @@ def cubic_step(t, width, ends, slopes):
 
 
 def quintic_step(t, width, ends, slopes, bends):
-    """The same of the quintic with these values, slopes and second derivatives at its ends."""
+    """Step of an event on the quintic with these values, slopes and second derivatives at its ends."""
     s = 1 - t
     (begin, end), (first, last), (bend, bent) = ends, slopes, bends
     near = begin * (1 + 3 * t + 6 * t**2) + width * t * (first * (1 + 3 * t) + width * t * bend / 2)

@@ -59,7 +59,7 @@ _written: list[int] = []  # since the last look
 
 
 class Kept(NamedTuple):
-    """What is kept.
+    """Store of compiled programs.
 
     Attributes:
         folder: where; `None` if nothing is kept.
@@ -158,7 +158,7 @@ def may_be_loaded(program: bytes) -> bool:
 
 
 def loaded(path: Path, load: Callable[[], Any]) -> Any:
-    """What `load` makes of an entry that was read; `None` if XLA refuses it, and it is removed."""
+    """Result of `load` for an entry that was read; `None` if XLA refuses it, and it is removed."""
     try:
         with _quiet(), _marked(path):
             program = load()
@@ -171,7 +171,7 @@ def loaded(path: Path, load: Callable[[], Any]) -> Any:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without XLA's pages on standard error, unless the user listens to JAX.
+    """Silence XLA's pages on standard error, unless the user listens to JAX.
 
     It compares the flags that a program was compiled with, hints to the compiler among them, with the
     features of the processor, and finds the hints missing there on the same machine.
@@ -289,7 +289,7 @@ def _untrusted(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
 
 @functools.cache
 def _build() -> str:
-    """What a program depends on beside its own text."""
+    """Identity of everything that a program depends on beside its own text."""
     from importlib.metadata import version
 
     said = [sys.version, platform.platform(), _processor()]

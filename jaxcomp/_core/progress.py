@@ -80,7 +80,7 @@ def compiling(size: int, kept: bool = False) -> Iterator[None]:
 
 
 def _called() -> str:
-    """What the outermost function of this package that runs and has a public name computes."""
+    """Task of the outermost function of this package that runs and has a public name."""
     frame, name = sys._getframe(1), ""
     while frame is not None:
         file, word = frame.f_code.co_filename, frame.f_code.co_name
@@ -137,7 +137,7 @@ compile_time = _CompileTime()
 
 
 class Progress:
-    """How far some work is, with the time that is left.
+    """Progress of some work, with the time that is left.
 
     The time follows from what the pieces so far took on this machine: of the first one without the
     compiling of its programs, and without the first one, which ends their tracing, as soon as there are
@@ -163,7 +163,7 @@ class Progress:
             self._task = bar.add_task(text, total=total, completed=done, left="")
 
     def at(self, done: int, total: int | None = None, text: str = "", most: bool = False) -> None:
-        """So many are done, of so many; `text` says at what the work is.
+        """Show that so many are done, of so many; `text` says at what the work is.
 
         Args:
             done: pieces so far; fewer than before where other work begins.

@@ -70,7 +70,7 @@ class Quantity(NamedTuple):
 
     @property
     def family(self) -> str:
-        """What stands before the name of a member, as `peak_force`; "" for a single quantity."""
+        """Part of the name in front of a member, as `peak_force`; "" for a single quantity."""
         match = _FAMILY.fullmatch(self.name)
         return match[1][:-1] if match else ""
 
@@ -80,7 +80,7 @@ class Quantity(NamedTuple):
         return tuple(dict.fromkeys(s for one in self.needs for s in _RESULTS.get(one, (one,))))
 
     def missing(self, machine: Any) -> str:
-        """What this quantity needs and a machine has not, in words; "" if nothing.
+        """Parts that this quantity needs and a machine has not, in words; "" if none.
 
         Args:
             machine: of the type `jaxcomp.Machine`.
@@ -357,7 +357,7 @@ class _Own:
 
 
 def _no_number(value: Any) -> str:
-    """What keeps a value from being one real number, in words; "" if nothing does."""
+    """Reason why a value is not one real number, in words; "" if it is one."""
     if isinstance(value, bool | int | float):
         return ""
     shape, kind = getattr(value, "shape", None), getattr(getattr(value, "dtype", None), "kind", "")

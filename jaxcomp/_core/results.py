@@ -85,7 +85,7 @@ def readings_of(result: Any) -> dict[str, Any]:
 
 
 class Result:
-    """What every result can do beside holding its numbers."""
+    """Base of results: everything that they can do beside holding their numbers."""
 
     __slots__ = ()
     # Dimensions of the table that `columns` makes.
@@ -238,7 +238,7 @@ class Result:
         return [one._replace(values=jax.device_get(one.values)) for one in self.described()]
 
     def _words(self) -> dict[str, str]:
-        """How the solution ended, and by which solver, where the result knows."""
+        """Words on how the solution ended, and by which solver, where the result knows."""
         words = {}
         status = getattr(self, "status", None)
         if isinstance(status, str):

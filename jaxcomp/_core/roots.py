@@ -16,7 +16,7 @@ Y = TypeVar("Y")
 
 
 class FixedPointReport(NamedTuple):
-    """How a fixed-point iteration ended.
+    """Report on the end of a fixed-point iteration.
 
     Attributes:
         steps: iterations that were made.
@@ -76,7 +76,7 @@ class AbstractRoot(eqx.Module):
 
     @abstractmethod
     def rest(self, unknowns) -> Any:
-        """What is left over of the equations: zero at the root."""
+        """Residual of the equations: zero at the root."""
 
     def removed(self, unknowns, rest) -> Any:
         """Change of the unknowns that removes a small rest; here of equations that are independent."""

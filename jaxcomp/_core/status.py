@@ -92,7 +92,7 @@ def names_of_codes(
 
 
 def status_meaning(name: str) -> str:
-    """What an outcome means and what to do about it, by its name.
+    """Meaning of an outcome and advice on it, by its name.
 
     Args:
         name: of a `Status`, or "failed".

@@ -117,7 +117,7 @@ _ELSEWHERE = {
 
 
 def elsewhere(name: str, known: Iterable[str]) -> str:
-    """What to use instead of a name that a module does not have; "" if nothing is near.
+    """Advice for a name that a module does not have; "" if nothing is near.
 
     Args:
         name: that was asked for.

@@ -100,7 +100,7 @@ def amplitude_influence(
 
 
 def _rank(system: Influence) -> tuple[float, float]:
-    """What a system leaves of the vibration, to a millionth, and its misfit."""
+    """Vibration that a system leaves, to a millionth, and its misfit."""
     left = round(float(least_squares(system).improvement), 6)
     misfit = np.zeros(1) if system.misfit is None else np.asarray(system.misfit)
     return left, float(np.linalg.norm(misfit / np.abs(system.initial)))

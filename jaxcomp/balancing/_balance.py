@@ -164,7 +164,7 @@ class Balance(Result, eqx.Module):
         }
 
     def _without_phase(self) -> dict[str, Any]:
-        """What readings without phase say beside the balance; nothing of others."""
+        """Numbers of readings without phase beside the balance; none of others."""
         influence = self.influence
         if influence.misfit is None:
             return {}
@@ -195,7 +195,7 @@ class Balance(Result, eqx.Module):
 
     @property
     def verdict(self) -> str:
-        """How many readings get worse, and the one that does so most, in words."""
+        """Number of readings that get worse, and the one that does so most, in words."""
         before, after = np.abs(self.influence.initial), np.abs(self.residual)
         if not np.any(after > before):
             return "No reading gets worse."

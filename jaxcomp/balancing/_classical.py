@@ -171,7 +171,7 @@ def balance_rotor_alone(
     crank: bool = True,
     left_out: tuple[str, ...] = (),
 ) -> Balance:
-    """What the balance of the rotor alone in two planes leaves of the vibration of the whole machine.
+    """Vibration of the whole machine that is left by the balance of the rotor alone in two planes.
 
     Where the forces of the crank act with the inertia of its parts, the rotor carries a ring for the rod
     (`rod_ring`) while it is balanced.

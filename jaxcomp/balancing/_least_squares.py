@@ -58,7 +58,7 @@ def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
 def predicted(
     influence: Influence, correction: Complex[Array, " planes"], method: str = "given"
 ) -> Balance:
-    """What given corrections do; the bound is the least squares.
+    """Balance by given corrections; the bound is the least squares.
 
     Args:
         influence: the system.

@@ -246,7 +246,7 @@ def _growing(choices: Choices, number: int, last, here, used) -> np.ndarray:
 
 
 def _lightest(sums: _Listed) -> _Listed:
-    """Of combinations with the same sum the lightest: opposite weights of equal size do nothing."""
+    """The lightest of combinations with the same sum: opposite weights of equal size do nothing."""
     scale = float(np.abs(sums.values).max()) or 1.0
     grid = np.round(_points(sums.values) / scale * 1e10).astype(np.int64)
     order = np.lexsort((sums.mass, grid[:, 1], grid[:, 0]))

@@ -44,7 +44,7 @@ Method = Literal["least-squares", "min-max", "classical"]
 
 @dataclass(frozen=True)
 class Objective:
-    """What the masses make small, and within which bounds."""
+    """Aim of the masses: the readings that they make small, and the bounds that they keep."""
 
     method: Method = "least-squares"
     tikhonov: float = 0.0

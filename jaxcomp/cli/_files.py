@@ -315,7 +315,7 @@ def _parts() -> tuple[list[dict[str, Any]], Table]:
 
 
 def _explained_lines(one: jc.scene.interface.Explained) -> list[Table | Text]:
-    """What it is, where it may stand, its entries, and how it is typed."""
+    """Lines on a part: its meaning, where it may stand, its entries, and how it is typed."""
     rows = (
         (e.name, e.unit, e.bound, "required" if e.required else e.default or "none", e.doc)
         for e in one.entries

@@ -55,7 +55,9 @@ class Asked:
     cycle: opt.CycleOption = None
 
     def checked(self) -> Asked:
-        """The same with what is asked for if nothing is said; refuses what cannot be combined."""
+        """These questions with the defaults of those that are not asked; refuses what cannot be
+        combined.
+        """
         refuse(
             not self.variables,
             "--variable: is missing; e.g. --variable bore_at_displacement=100mm:160mm",
@@ -282,7 +284,7 @@ def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -
 
 
 def _constraints_table(result: dict[str, Any]) -> Any:
-    """What each constraint comes to, and by how much it is broken."""
+    """Table of the values of each constraint, and by how much it is broken."""
     signs = {"upper": "<=", "lower": ">=", "equal": "="}
     rows = []
     for one in result["constraints"]:

@@ -110,7 +110,7 @@ def analysis_options(
     cycle: list[str] | None = None,
     excitation: Excitation | None = None,
 ) -> jc.AnalysisOptions:
-    """How the designs of a study are solved; of the finest accuracy each design chooses its solver."""
+    """Options for the designs of a study; of the finest accuracy each design chooses its solver."""
     plain = solver == "collocation"
     if plain and accuracy == "fine" and cycle is None:
         return jc.AnalysisOptions(None, excitation)
@@ -336,25 +336,25 @@ class Case:
 
     @property
     def changes(self) -> dict[str, dict[str, str]]:
-        """What was changed, for the result."""
+        """Changes by options, for the result."""
         return {"set": assignments(self.sets, "--set")}
 
 
 @dataclass(frozen=True)
 class DesignCase(Case):
-    """The same with design rules as an option of their own."""
+    """Case of a command with design rules as an option of their own."""
 
     designs: Designs = None
 
     @property
     def changes(self) -> dict[str, dict[str, str]]:
-        """What was changed, for the result."""
+        """Changes by options, for the result."""
         return {**super().changes, "design": assignments(self.designs, "--design")}
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """How the designs of a study are solved."""
+    """Options on how the designs of a study are solved."""
 
     accuracy: AccuracyOption = "fine"
     solver: Solver = "collocation"
@@ -369,6 +369,6 @@ class Analysis:
 
 @dataclass(frozen=True)
 class FastAnalysis(Analysis):
-    """The same, fast if nothing else is said."""
+    """Options on how the designs of a study are solved, fast if nothing else is said."""
 
     accuracy: AccuracyOption = "fast"

@@ -109,7 +109,7 @@ def _numbers_and_units(found: Any, beside: Mapping[str, Any]) -> tuple[dict[str,
 
 
 def header(scene: "Scene") -> dict[str, Any]:
-    """What stands in front of the numbers of one machine."""
+    """Entries in front of the numbers of one machine."""
     from importlib.metadata import version
 
     return {"machine": scene.name, "file": scene.file, "version": version("jaxcomp")}
@@ -117,7 +117,7 @@ def header(scene: "Scene") -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OutputWithoutScene(Output):
-    """The same where no machine is run that a file describes."""
+    """Output where no machine is run that a file describes."""
 
     out: OutWithoutScene = None
     force: Force = False
@@ -125,7 +125,7 @@ class OutputWithoutScene(Output):
 
 
 class Partial:
-    """What long work has so far, which an interrupt leaves: in a file, or in a word.
+    """Store of the pieces of long work, which an interrupt leaves: in a file, or in a word.
 
     Args:
         out: folder of the command; without one the word says how to keep more.

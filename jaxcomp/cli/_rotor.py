@@ -66,7 +66,9 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
 
 
 def chosen_excitation(scene: jc.scene.Scene, given: opt.Excitation | None) -> opt.Excitation:
-    """What shakes the rotor of a scene: of `--excitation`, or by the rule of `Assembly.excitation`."""
+    """Source of the forces on the rotor of a machine: of `--excitation`, or by the rule of
+    `Assembly.excitation`.
+    """
     try:
         return scene.assembly.excitation(given)
     except jc.BadInput:

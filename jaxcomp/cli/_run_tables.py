@@ -104,7 +104,7 @@ def _losses(result: dict[str, Any]):
 
 
 def _power(result: dict[str, Any]):
-    """What power and swept volume are used for."""
+    """Table of the uses of power and swept volume."""
     power, volume = result["power_use"], result["volume_use"]
     whole = sum(power.values())
     rows = [
@@ -250,7 +250,7 @@ def _vibration(vibration: dict[str, Any], axes: str):
 
 
 def _torsion(torsion: dict[str, Any]):
-    """What each spring of the crank train carries."""
+    """Table of the torque in each spring of the crank train."""
     hertz = ", ".join(f"{w / (2 * math.pi):.4g}" for w in torsion["natural_frequencies"])
     first = torsion["natural_frequencies"][0]
     critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))

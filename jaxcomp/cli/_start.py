@@ -108,7 +108,7 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _platform_problem() -> str:
-    """What is wrong with the platform that JAX is told to use; "" if nothing is."""
+    """Fault of the platform that JAX is told to use; "" if there is none."""
     platform = os.environ.get("JAX_PLATFORMS", "")
     if not platform:
         return ""

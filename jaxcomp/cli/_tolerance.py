@@ -146,7 +146,9 @@ def read_tolerances(
 def permitted_tolerances(
     found: jc.study.tolerance.Tolerances, text: str
 ) -> list[jc.study.tolerance.interface.Permitted]:
-    """How much tighter all tolerances would have to be, and those of the largest contributor alone."""
+    """Factors by which all tolerances would have to be tighter, and those of the largest contributor
+    alone.
+    """
     share = si(text, "", "--rejects")
     refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
     first = found.ranking(found.reliability[0].limit.quantity)[0][0]

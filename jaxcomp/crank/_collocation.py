@@ -47,7 +47,9 @@ _COINCIDING = 0.02
 
 
 def default_cycle() -> CycleOptions:
-    """How the cycle is solved together with the crank: its panels are those of the crank as well."""
+    """Options for the cycle where it is solved with the crank: its panels are those of the crank as
+    well.
+    """
     return CycleOptions(least_panels=40, nodes=8)
 
 
@@ -120,7 +122,7 @@ class Collocation(eqx.Module):
 
 
 def default_collocation(compressor: Compressor) -> Collocation:
-    """What `solve_orbit` takes if it is given no solver.
+    """Solver of `solve_orbit` if it is given none.
 
     The load reversals in mid-stroke are located. Of several cylinders every one is an edge for all, so
     that more cylinders have narrower panels, which need fewer nodes and no grading; and places that
@@ -154,7 +156,7 @@ def _of_table(compressor: Compressor, points: int) -> Collocation:
 
 
 def tabulated_points(compressor: Compressor) -> int:
-    """How many points the tables of pressures have in a revolution, all cylinders together."""
+    """Number of points that the tables of pressures have in a revolution, all cylinders together."""
     gas = compressor.gas
     if gas is None or isinstance(gas, Cylinder):
         return 0
@@ -171,7 +173,7 @@ def tabulated_points(compressor: Compressor) -> int:
 
 
 def _with_layers(known: Known) -> Known:
-    """With an edge behind every kink: there the slip of a stiff motor follows a jump of the load.
+    """Kinks with an edge behind each: there the slip of a stiff motor follows a jump of the load.
 
     It does so within an angle of one over the steepness. With a panel twice as wide the fluctuation of
     the speed is known as well as without jumps, to 3e-5; without, to 4e-3. Behind the jumps of a soft
@@ -191,7 +193,7 @@ def _with_layers(known: Known) -> Known:
 
 
 def _of_count(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:
-    """As many edges of panels as wanted, from the sorted kinks; see `Collocation`."""
+    """Edges of panels, as many as wanted, from the sorted kinks; see `Collocation`."""
     if count < kinks.size:
         # the first of them, and those that lie farthest behind the one before
         _, place = lax.top_k(lax.stop_gradient(jnp.diff(kinks)), count - 1)
@@ -237,7 +239,7 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
 
 
 def loop_kinks(compressor: Compressor) -> int:
-    """How many of the quantities that mark load reversals are kinks."""
+    """Number of the quantities that mark load reversals which are kinks."""
     zero = jnp.zeros(())
     still = CrankState(zero, zero, zero)
     gas = jnp.zeros(compressor.crankshaft.count)

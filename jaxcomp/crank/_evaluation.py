@@ -110,7 +110,7 @@ def orbit_of_motion(
 def _status(
     known: Known, at: Instants, energy, now: Instant, finer: Instant | None, growth, report
 ) -> Status:
-    """How the motion counts: converged, resolved, as its motor says, and never at a halt."""
+    """Status of the motion: converged, resolved, as its motor says, and never at a halt."""
     period = now.grid.total(1 / now.speed)
     status = Status.where(report.settled, Status.converged, Status.not_converged)
     if finer is not None:
@@ -144,7 +144,7 @@ class _Grids(NamedTuple):
         return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in both], axis=-1)
 
     def finer(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p f"]:
-        """What of a row belongs to the finer nodes, by panels and without derivatives."""
+        """Part of a row that belongs to the finer nodes, by panels and without derivatives."""
         assert self.fine is not None
         return lax.stop_gradient(self.fine.by_panels(row[..., self.grid.angle.size :]))
 
@@ -180,7 +180,7 @@ def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, 
 
 
 def _by_loss(loads: JointLoads, function) -> dict[str, Float[Array, ""]]:
-    """What a function gives for the losses (j, r) of all joints at once, by joint."""
+    """Values of a function for the losses (j, r) of all joints at once, by joint."""
     losses = loads.loss_torque
     if not losses:
         return {}

@@ -197,7 +197,7 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
 
 
 def read_film(law, position, load, rates, duration, rule: Rule, width) -> JournalFilm:
-    """What a journal's film does at given places (`None`: those of a steady film) and loads.
+    """Film of a journal at given places (`None`: those of a steady film) and loads.
 
     Args:
         law: the bearing.

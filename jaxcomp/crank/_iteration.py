@@ -44,7 +44,7 @@ PLACE_UNIT = 1e4
 
 
 class Resolution(eqx.Module):
-    """How finely a revolution is cut."""
+    """Fineness with which a revolution is cut."""
 
     nodes: int = eqx.field(static=True)  # Gauss nodes on every panel
     # how many kinks, and how many near-zero loads, may become panel edges
@@ -76,7 +76,7 @@ class Scales(NamedTuple):
 
 
 class Known(eqx.Module):
-    """What a solution depends on."""
+    """Quantities that a solution depends on."""
 
     compressor: Compressor
     # [rad] its kinks that are known beforehand, and the first once more a revolution later
@@ -117,7 +117,7 @@ class Reversals(eqx.Module):
 
 
 def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
-    """What the solution of a compressor depends on."""
+    """Quantities that the solution of a compressor depends on."""
     at = lax.stop_gradient(instants(compressor, edges))
     speed = lax.stop_gradient(compressor.motor.speed_guess)
     energy = 0.5 * jnp.mean(at.inertia) * speed**2
@@ -264,7 +264,7 @@ class _Points(NamedTuple):
         return jnp.concatenate([at_nodes, beside], axis=-1)
 
     def beyond(self, row: Float[Array, "*m r"]) -> Float[Array, "*m k"]:
-        """What of a row belongs to the places."""
+        """Part of a row that belongs to the places."""
         return row[..., self.grid.angle.size :]
 
 

@@ -100,7 +100,8 @@ def journal_orbit(
 
 @kept_jit
 def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
-    """What films that carry a steady load at every instant would be if their journals moved, by joint.
+    """Films that carry a steady load at every instant, as they would be if their journals moved, by
+    joint.
 
     The orbits of these journals under the loads that the crank has without them: what they would lose
     less does not act back. Beside `journal_films` this is what `motion = "orbit"` would change.

@@ -152,7 +152,7 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
 
 
 class Drive(NamedTuple):
-    """What moves k journals."""
+    """Speeds and loads that move k journals."""
 
     films: tuple[AbstractSqueeze | MixedSqueeze, ...]  # of all journals
     force: Positions  # load over U and the speed of the crank, (2, k, *n)
@@ -160,7 +160,7 @@ class Drive(NamedTuple):
     over: Float[Array, "1 k *n"] | None = None  # [rad/s] that speed, where surfaces may touch
 
     def mapped(self, function) -> "Drive":
-        """The same at other instants, by a function of arrays over instants."""
+        """This drive at other instants, by a function of arrays over instants."""
         return self._replace(
             force=function(self.force),
             turning=function(self.turning),
@@ -168,7 +168,7 @@ class Drive(NamedTuple):
         )
 
     def _of_films(self, function, position: Positions, out_axis: int = 1):
-        """What a function of film, position, force and speed gives for all journals."""
+        """Values of a function of film, position, force and speed for all journals."""
         if self.over is None:
             known = position, self.force
             return mapped(lambda film, e, f: function(film, e, f, None), self.films, *known,
@@ -188,7 +188,7 @@ class Drive(NamedTuple):
         return self._of_films(velocity, position) + self.turning * quarter_turn(position)
 
     def film_force(self, position: Positions) -> Positions:
-        """What the films carry of the force; a contact carries the rest."""
+        """Share of the force that the films carry; a contact carries the rest."""
         if self.over is None:
             return self.force
 
@@ -246,7 +246,7 @@ def journal_drive(
     state: CrankState,
     in_time: bool = False,
 ) -> Drive:
-    """What moves the journals at given joint forces [N] and a given state of the crank.
+    """Drive of the journals at given joint forces [N] and a given state of the crank.
 
     Args:
         compressor: the machine.
@@ -298,7 +298,7 @@ def _correction(
     rate: Float[Array, "2 p s"],
     position: Float[Array, "2 p s"],
 ) -> Float[Array, "2 p s"]:
-    """What a step of Newton's method adds to positions, so that they are periodic with their rates.
+    """Step of Newton's method for positions, so that they are periodic with their rates.
 
     On each panel e + d = left + width (integral of rate + slopes d). Derivatives pass through the
     defect of the present positions alone; the matrices are constants to them.

@@ -112,7 +112,7 @@ class LoadTable(eqx.Module):
         return jnp.append(self.angle, self.angle[0] + self.period)
 
     def over(self, values: Float[Array, " n"], angle: Float[Array, "*m"]) -> Float[Array, "*m"]:
-        """What has these values at the points of the table, at other crank angles [rad]."""
+        """Function with these values at the points of the table, at other crank angles [rad]."""
         knots, closed = self.edges, jnp.append(values, values[0])
         if self.between == "lines":
             return jnp.interp(self._within(angle), knots, closed)

@@ -97,7 +97,9 @@ def motion_at(
     motor_torque: Float[Array, "*n"],
     evidence: bool = False,
 ) -> Instantaneous:
-    """As `solve_motion`; where the motor holds its speed there is no equation, and no torque is asked."""
+    """Motion as by `solve_motion`; where the motor holds its speed there is no equation, and no torque
+    is asked.
+    """
     if closure_of(compressor.motor).integrates:
         return solve_motion(compressor, angle, speed, motor_torque, evidence)
     at, still = instants(compressor, angle), jnp.zeros_like(speed)
@@ -168,7 +170,7 @@ class _Equation(AbstractRoot):
 
 
 class Instant(NamedTuple):
-    """What a closure is told of the last motion, on panels with s nodes."""
+    """The last motion as a closure is told of it, on panels with s nodes."""
 
     grid: Panels
     speed_scale: Float[Array, ""]  # [rad/s]
@@ -194,7 +196,7 @@ class Instant(NamedTuple):
 
 
 class AbstractClosure(eqx.Module):
-    """What is unknown besides the course of the speed over a revolution."""
+    """Unknowns besides the course of the speed over a revolution."""
 
     # Whether `improve` wants the slope of the net torque over the kinetic energy.
     needs_steepness: ClassVar[bool] = False
@@ -336,5 +338,5 @@ _CLOSURES = {"mean_speed": _MeanSpeed(), "torque": _TorqueCurve(), "speed": _Giv
 
 
 def closure_of(motor: AbstractMotor) -> AbstractClosure:
-    """How a motor closes the revolution: it says so itself."""
+    """Closure of the revolution by a motor, which says so itself."""
     return _CLOSURES[motor.closes]

@@ -58,7 +58,7 @@ class Energy(eqx.Module):
 
 
 class Verification(eqx.Module):
-    """What an independent march of one revolution from the found state says of an orbit.
+    """Errors of an orbit by an independent march of one revolution from the found state.
 
     All errors are those of the march less those of the orbit, so that the orbit is off by as much
     with the opposite sign, as far as the march itself is exact.

@@ -26,7 +26,7 @@ POWER = (
 
 
 class Performance(Result, eqx.Module):
-    """What a compressor with valves does for its power.
+    """Yield of a compressor with valves for its power.
 
     Attributes:
         electric_power: [W] of the motor; its shaft power where the motor has no `losses`.

@@ -276,7 +276,7 @@ class Shooting(eqx.Module):
 
 
 class _Fixed(NamedTuple):
-    """What does not follow the parameters in derivatives."""
+    """Quantities that do not follow the parameters in derivatives."""
 
     speed: Float[Array, ""]  # [rad/s] scale
     energy: Float[Array, ""]  # [J] scale
@@ -340,7 +340,7 @@ def _rate(place, y, args):
 
 
 def _reported(y):
-    """What is wanted at the nodes."""
+    """Quantities that are wanted at the nodes."""
     return {name: y[name] for name in ("speed", "journals") if name in y}
 
 

@@ -136,7 +136,7 @@ class CrankTrain(Part):
         spread_columns(self, jnp.size(jnp.asarray(self.stiffness)), "springs")
 
     def springs(self, compressor: Compressor) -> int:
-        """How many springs stand between motor and throws.
+        """Number of springs between motor and throws.
 
         Raises:
             BadInput: another number of stiffnesses.
@@ -167,7 +167,7 @@ class CrankTrain(Part):
 
 
 class TrainTorques(Result, eqx.Module):
-    """What the springs of a crank train carry, from the motor's side to the crank's end.
+    """Torques in the springs of a crank train, from the motor's side to the crank's end.
 
     Attributes:
         mean: [N m] (s,).
@@ -270,7 +270,7 @@ def _natural_frequencies(chain: TorsionalChain) -> Float[Array, " n"]:
 def _spring_torques(
     chain: TorsionalChain, compressor: Compressor, orbit: Orbit, counts: tuple[int, int], cuts: int
 ) -> TrainTorques:
-    """What so many harmonics make of the torques, and what more of them would add."""
+    """Torques by so many harmonics, and the part that more of them would add."""
     own = throw_torques(compressor, orbit)
     of_shaft = orbit.loads.total_loss_torque - jnp.sum(_own_losses(compressor, orbit), axis=0)
     ahead = chain.inertia.size - own.shape[0]

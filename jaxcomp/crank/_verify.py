@@ -26,7 +26,7 @@ from ._orbit import Energy, Orbit, Verification
 
 
 def march_options() -> TimeIntegration:
-    """What `verify=True` marches with: an eighth-order method, and forces at 4000 angles.
+    """Options of `verify=True`: an eighth-order method, and forces at 4000 angles.
 
     Its step errors are far below those of an orbit: measured on the bundled machines, at 1e-12 losses
     agree with those of 24 nodes to 5e-9 of each, at 1e-10 to 3e-6 (the load of the piston pin all but
@@ -36,7 +36,7 @@ def march_options() -> TimeIntegration:
 
 
 def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration) -> Verification:
-    """What a march of one revolution says of an orbit, without derivatives.
+    """Errors of an orbit by a march of one revolution, without derivatives.
 
     Args:
         compressor: admissible; where its gas is a cylinder, the gas of the cycle that was found.

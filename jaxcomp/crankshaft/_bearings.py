@@ -121,7 +121,7 @@ class MainBearings(Part):
         return jnp.stack([share + lever * places for share, lever in self.line()])
 
     def line(self):
-        """What each bearing takes of a force at the origin [-] and of a moment there [1/m]."""
+        """Shares of each bearing of a force at the origin [-] and of a moment there [1/m]."""
         if self.shaft != "rigid" and len(self.bearings) > 2:
             zero, one = jnp.zeros(1), jnp.ones(1)
             # A moment is a couple of forces close together, of which each bearing takes the slope.
@@ -184,7 +184,7 @@ def shaft_losses(
 def shares(
     bearings: tuple[AbstractJournal, ...], position: Float[Array, " n"] | None
 ) -> list[tuple[Float[Array, ""], Float[Array, ""]]]:
-    """What each bearing of a rigid shaft takes of force [-] and moment [1/m]; see the head of the module.
+    """Shares of each bearing of a rigid shaft of force [-] and moment [1/m]; see the head of the module.
 
     Args:
         bearings: of the shaft; their projected areas are the weights.

@@ -201,7 +201,7 @@ class Crankshaft(Part):
         return jnp.diff(jnp.append(at, at[0] + 2 * jnp.pi))
 
     def order_sums(self, order: int) -> "OrderSums":
-        r"""How the cylinders' shaking forces of an order add up at constant speed.
+        r"""Sums of the cylinders' shaking forces of an order at constant speed.
 
         The force of all pistons on the frame, with $x + iy$ for its direction and the amplitude
         $A_n$ of one of them, is $A_n (f_+ e^{in\theta} + f_- e^{-in\theta})$: an ellipse with the
@@ -264,7 +264,7 @@ class Crankshaft(Part):
     def crank_pulls(
         self, second: Vector, mechanism: AbstractMechanism, line, influence=None
     ) -> list[Vector]:
-        """What m receivers take of the inertia [N] of the crank's unbalances, in machine axes.
+        """Shares of m receivers of the inertia [N] of the crank's unbalances, in machine axes.
 
         Args:
             second: [1/s^2] second time derivative of the unit vector along the crank at angle 0.

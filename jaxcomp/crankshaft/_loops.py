@@ -22,7 +22,7 @@ from ._crankshaft import Crankshaft
 
 
 class Carried(NamedTuple):
-    """What the joints of the cylinders give the crankshaft, (k, *n) each."""
+    """Loads from the joints of the cylinders on the crankshaft, (k, *n) each."""
 
     loss: Float[Array, "k *n"]  # [N m] loss torque of each cylinder's own joints
     force: Vector  # [N] of the crank on what it drives, in the axes of the cylinders
@@ -44,7 +44,7 @@ class MachineLoops(eqx.Module):
 
     @property
     def kinks(self) -> int:
-        """How many of the quantities that mark reversals are kinks; the others belong to loads."""
+        """Number of the quantities that mark reversals which are kinks; the others belong to loads."""
         return self.crankshaft.count * self.loops.kinks
 
     def balance(self, unknown) -> tuple[Float[Array, "k *n"], tuple[Carried, Marks]]:
@@ -70,7 +70,7 @@ class MachineLoops(eqx.Module):
         return self.finished(carried, Marks((), (), ()))[0]
 
     def directions(self, unknown) -> Float[Array, "k k *n"]:
-        """Of one cylinder's unknown after the other, along a new leading axis."""
+        """Directions of one cylinder's unknown after the other, along a new leading axis."""
         one = jnp.eye(unknown.shape[0]).reshape(unknown.shape[:1] * 2 + (1,) * (unknown.ndim - 1))
         return one * jnp.ones_like(unknown)
 

@@ -64,7 +64,7 @@ class Accounts(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """What happens at a crank angle."""
+    """Rates of the states at a crank angle."""
 
     state: Float[Array, " n"]  # d state/d angle
     accounts: Float[Array, " 12"]  # what runs through and out
@@ -78,7 +78,7 @@ class Rates(NamedTuple):
 
 
 class _Valves(NamedTuple):
-    """What both valves do, suction before discharge."""
+    """Motion and flows of both valves, suction before discharge."""
 
     flow: Float[Array, " 2"]
     enthalpy: Float[Array, " 2"]
@@ -190,7 +190,7 @@ def rates(
 
 
 def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -> Accounts:
-    """What runs through the cylinder and out of it over the angle, in units of mass and energy scale.
+    """Rates of mass and energy through the cylinder over the angle, in units of mass and energy scale.
 
     Args:
         case: cylinder and lines.
@@ -220,7 +220,7 @@ def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -
 
 
 def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace) -> _Valves:
-    """What the valves do between the gas before, in and behind the cylinder.
+    """Motion and flows of the valves between the gas before, in and behind the cylinder.
 
     Valves of one kind are two entries of one law, which programs then have once.
     """
@@ -235,7 +235,7 @@ def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace) -> 
 def _valve(
     case: Case, pace, valve: AbstractValve, a: Side, b: Side, state, flags, known_shut
 ) -> _Valves:
-    """What one valve does: its entries of `_Valves`."""
+    """Motion and flow of one valve: its entries of `_Valves`."""
     x, v, u = state
     mode, u_sign, p_sign = flags
     lift, velocity, port_velocity = scales_of(case, valve)

@@ -34,7 +34,7 @@ _FAST, _MOST_WITH_ONE = 0.1, 6
 
 
 class Residual(NamedTuple):
-    """What is left of the equations, shaped as the unknowns they determine."""
+    """Residual of the equations, shaped as the unknowns they determine."""
 
     points: Float[Array, "p s+1 n"]
     ends: Float[Array, "p n"]
@@ -224,7 +224,7 @@ def solve_factors(factors: Factors, given: Residual) -> Unknowns:
 
 
 class NewtonReport(NamedTuple):
-    """How Newton's method ended."""
+    """Report on the end of Newton's method."""
 
     size: Float[Array, ""]  # [-] of the last step
     steps: Int[Array, ""]  # with a Jacobian of their own

@@ -21,7 +21,7 @@ GRAZING = 0.01
 
 
 class Events(eqx.Module):
-    """What the valves do, p places of which some hold no event.
+    """Events of the valves: p places, of which some hold none.
 
     Attributes:
         which: (p,) 0 to 3 suction, 4 to 7 discharge valve: leaves or meets its seat or leaves its
@@ -53,7 +53,7 @@ class Events(eqx.Module):
 
 
 def whole_cycle(cycle) -> Iterator[Data]:
-    """What one cycle, or several together, come to over a revolution."""
+    """Quantities of one cycle, or several together, over a revolution."""
     yield Data("mass_flow", "kg/s", cycle.mass_flow)
     yield Data("volumetric_efficiency", "", cycle.volumetric_efficiency)
     yield Data("isentropic_efficiency", "", cycle.isentropic_efficiency)

@@ -28,7 +28,7 @@ _NEAR = 0.5
 
 
 class Cylinder(AbstractGas):
-    """What a compressor's cylinder does to its gas, besides the piston's motion.
+    """Cylinder of a compressor: its gas, valves, lines and losses, besides the piston's motion.
 
     Its pressure is a state, not a function of the stroke: `solve_orbit` solves it with the crank's
     motion, `solve_cycle` at a given speed.
@@ -125,7 +125,7 @@ class Cylinder(AbstractGas):
 
 
 class _Limit(NamedTuple):
-    """What a number of a line must keep to, beside its own bound."""
+    """Bound of a number of a line, beside its own."""
 
     field: str
     value: Any
@@ -269,7 +269,7 @@ def ports_fit(cylinder: Cylinder, mechanism: AbstractMechanism) -> tuple[Bool[Ar
 
 
 class Pace(eqx.Module):
-    """How unevenly a revolution passes: polynomials on p panels through s Gauss nodes on each.
+    """Unevenness of a revolution: polynomials on p panels through s Gauss nodes on each.
 
     Attributes:
         edges: [rad] (p + 1,) rising crank angles, the last a revolution after the first.

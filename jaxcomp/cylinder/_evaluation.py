@@ -23,7 +23,7 @@ from ._system import Cylinders
 
 
 class CycleSolution(NamedTuple):
-    """What march and Newton's method found."""
+    """Solution of march and Newton's method."""
 
     mesh: Mesh
     z: Unknowns
@@ -84,7 +84,7 @@ def _from_start(cycle: Cycle) -> Cycle:
 
 
 def _followed(system: Cylinders, found: CycleSolution, marching: bool):
-    """What was found with its dependence on the system; accounts and pressures at all points."""
+    """A solution with its dependence on the system; accounts and pressures at all points."""
     z = found.z if marching else root(Attached(system, found.mesh, found.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)

@@ -59,7 +59,7 @@ class Record(NamedTuple):
 
 
 class AbstractLaw(eqx.Module):
-    """What is marched."""
+    """Law of a march: its rates, events and jumps."""
 
     kept: eqx.AbstractVar[int]  # how many states the record keeps
 
@@ -100,7 +100,7 @@ class AbstractLaw(eqx.Module):
 
 
 class Stretch(NamedTuple):
-    """What was marched."""
+    """Stretch of a march with its record."""
 
     angle: Float[Array, ""]  # [rad] where it ended
     state: Float[Array, " m"]  # there
@@ -159,7 +159,7 @@ def stretch(
 
 
 class _Route(NamedTuple):
-    """What holds for all steps of a march."""
+    """Constants of all steps of a march."""
 
     law: AbstractLaw
     stop: Float[Array, ""]  # [rad]
@@ -204,7 +204,7 @@ class _Attempt(NamedTuple):
 
 
 class _Verdict(NamedTuple):
-    """What becomes of it."""
+    """Verdict on a step that was tried."""
 
     accept: Bool[Array, ""]  # taken
     located: Bool[Array, ""]  # an event is at its end

@@ -172,7 +172,8 @@ def resolution(z: Unknowns) -> Float[Array, ""]:
 
 
 def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
-    """How far free valves turn, or would turn, beyond seat and stop where that is nearest to nothing.
+    """Angles by which free valves turn, or would turn, beyond seat and stop where that is nearest to
+    nothing.
 
     Returns:
         [-] of the stop, suction and discharge valve by seat and stop: positive where the valve touches

@@ -109,7 +109,7 @@ class SeveralCycles(Result, eqx.Module):
 
     @property
     def case(self) -> Case:
-        """Of the first cylinder; the lines are those of all."""
+        """Case of the first cylinder; the lines are those of all."""
         return self.first.case
 
     @property

@@ -91,7 +91,7 @@ def solve_cycle(
 
 
 def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
-    """What a machine's cycle is in the size that has room for it, and the options of that size.
+    """Cycle of a machine in the size that has room for it, and the options of that size.
 
     Args:
         solve: of options and a start; what it returns has a `status` and an `event_count`, or a `cycle`
@@ -124,7 +124,7 @@ def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
 
 
 def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
-    """How far a solution came that was not found, for the message."""
+    """Evidence of how far a solution came that was not found, for the message."""
     each = of_each(cycle)
     return _evidence(options, each.event_count, each.revolutions, each.residual)
 
@@ -229,7 +229,7 @@ def pace_of(
     excess: Callable[[Float[Array, ""]], Float[Array, ""]],
     phase: Float[Array, " k"],
 ) -> Pace:
-    """How unevenly a crank turns, on the panels of cycles.
+    """Unevenness with which a crank turns, on the panels of cycles.
 
     Args:
         found: of the cycles, see `solution_of` and `no_solution`.
@@ -293,7 +293,7 @@ def _together(cylinder, mechanisms, phase, speed, pace) -> Cylinders:
 
 
 def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
-    """What `cycle_of` and `cycles_of` make cycles of."""
+    """System, solution and whether it was marched, of which `cycle_of` and `cycles_of` make cycles."""
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
         system = values_only(system)
@@ -375,7 +375,7 @@ def _alternates(end: March, repeat) -> Bool[Array, ""]:
 
 
 def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSolution:
-    """What was found of a cycle by collocation; of several alone, with an axis of them.
+    """Solution of a cycle by collocation; of several alone, with an axis of them.
 
     Args:
         cycle: that of one cylinder, or those of several.
@@ -465,7 +465,7 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
 
 
 def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:
-    """What there is of `count` cylinders before the first round; without plenums, of each of them."""
+    """Solution of `count` cylinders before the first round; without plenums, of each of them."""
     if count > 1 and not cylinder.plenums:
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own = STATES + (0 if cylinder.walls is None else OF_WALL)

@@ -36,7 +36,7 @@ class Cylinders(eqx.Module):
 
     @property
     def count(self) -> int:
-        """k."""
+        """Number of cylinders, k."""
         return self.phase.shape[0]
 
     @property
@@ -47,7 +47,7 @@ class Cylinders(eqx.Module):
 
     @property
     def size(self) -> int:
-        """n."""
+        """Number of states, n."""
         return self.count * self.stride + PER_PLENUM * len(self.cases.cylinder.plenums)
 
     @property
@@ -59,7 +59,7 @@ class Cylinders(eqx.Module):
         return eqx.tree_at(lambda case: case.swept, first, jnp.sum(self.cases.swept))
 
     def each(self, function, *given) -> Any:
-        """What a function of a case and of arrays that have an axis of k gives, with that axis."""
+        """Values of a function of a case and of arrays that have an axis of k, with that axis."""
         if self.count > 1:
             return jax.vmap(function)(self.cases, *given)
         # mapped, both sides of every choice would be computed
@@ -80,7 +80,7 @@ class Cylinders(eqx.Module):
         return self.phase + angle
 
     def rates(self, angle, state, flags, speed: Float[Array, ""] | None = None) -> Rates:
-        """As of one cylinder, with accounts (k, 12), events (8 k,), force (2 k,), pressure (k,).
+        """Rates as of one cylinder, with accounts (k, 12), events (8 k,), force (2 k,), pressure (k,).
 
         Args:
             angle: [rad] of the crank.

@@ -10,7 +10,7 @@ from ..fluid import GasState
 
 
 class SuctionWarming(Part):
-    r"""What warms the gas on its way to the suction valve: losses, and the gas that is delivered.
+    r"""Warming of the gas on its way to the suction valve by losses, and by the gas that is delivered.
 
     $$\dot m\,(h_s - h_1) = \dot m c_p (T_2 - T_1)\left(1 - e^{-UA/(\dot m c_p)}\right)
       + \varphi\dot W_{loss}$$

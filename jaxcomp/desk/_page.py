@@ -108,7 +108,7 @@ class Page:
         return buttons
 
     def _files(self) -> tuple[Any, Any]:
-        """What saves the machine in a file, and opens another one."""
+        """Controls that save the machine in a file, and open another one."""
         file = re.sub(r"[^\w.-]+", "-", self.desk.scene.name) or "machine"
         save = pn.widgets.FileDownload(
             callback=self._toml, filename=f"{file}.toml", label="Save as machine file"

@@ -69,7 +69,7 @@ class View(NamedTuple):
 
 
 class Improvement(NamedTuple):
-    """What a search found for the machine that it began with, which may have been moved since.
+    """Machine that a search found from the one that it began with, which may have been moved since.
 
     Attributes:
         quantity: that was made as good as it can be.
@@ -130,7 +130,7 @@ class Desk:
         self.view = self._solved()
 
     def label(self, name: str) -> str:
-        """What a number is, in words."""
+        """Name of a number, in words."""
         what = variable_label(self.machine, name)
         return what + (", factor on all values" if self.numbers[name].factor else "")
 
@@ -140,7 +140,7 @@ class Desk:
         return self.look(name, value).text(value, 6)
 
     def look(self, name: str, values) -> Shown:
-        """How a number or quantity with some values [SI] is shown."""
+        """Format of a number or quantity with some values [SI]."""
         one = self.numbers.get(name) or self.quantities[name]
         return shown(name, one.unit, values, self.system)
 
@@ -178,7 +178,7 @@ class Desk:
         self.view = self._solved()
 
     def let_go(self) -> None:
-        """What is dragged next is a change of its own."""
+        """Let the next drag be a change of its own."""
         self._dragged = ""
 
     def enter(self, name: str, text: str) -> None:
@@ -218,7 +218,7 @@ class Desk:
 
     @property
     def changes(self) -> tuple[int, int]:
-        """How many changes can be undone, and how many done again."""
+        """Numbers of changes that can be undone, and done again."""
         return len(self._earlier), len(self._later)
 
     def pin(self) -> None:
@@ -226,7 +226,7 @@ class Desk:
         self.pinned = self.view
 
     def gains(self) -> Sensitivity:
-        """How much the chosen quantity changes with every number, by one reverse pass."""
+        """Sensitivity of the chosen quantity to every number, by one reverse pass."""
         return sensitivity(self.machine, [self.quantity], options=self.options)
 
     def changed_scene(self) -> Scene:
@@ -242,7 +242,7 @@ class Desk:
         return dump(self.changed_scene())
 
     def warnings(self) -> list[str]:
-        """What is unusual in the machine as it stands, as `jaxcomp check` says it."""
+        """Unusual values of the machine as it stands, as `jaxcomp check` says them."""
         try:
             found = implausible_values(self.changed_scene())
         except SceneError:  # which the status names

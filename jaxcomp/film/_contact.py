@@ -277,7 +277,7 @@ class MixedSqueeze(eqx.Module):
         return self.film.mobility(position, self.film_force(position, force, over))
 
     def velocity_slopes(self, position: Pair, force: Pair, over):
-        """The same, and its slopes along the position, constants to derivatives."""
+        """Velocity of the squeeze, and its slopes along the position, constants to derivatives."""
         fixed, load, speed = jax.lax.stop_gradient((self, force, over))
         held = jax.lax.stop_gradient(position)
         _, slopes = slopes_along(lambda e: fixed.velocity(e, load, speed), held)

@@ -35,7 +35,7 @@ def resistance_unit(x, length_ratio):
 
 
 def peak_unit(x):
-    """How the largest pressure over the mean one grows as a film closes."""
+    """Growth of the largest pressure over the mean one as a film closes."""
     return 1 / ((1 - x) / 2) ** 0.5
 
 

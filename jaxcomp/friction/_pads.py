@@ -34,7 +34,7 @@ _REST = 1e-6
 
 
 class PadForces(NamedTuple):
-    """What pads carry and lose.
+    """Forces and losses of pads.
 
     Attributes:
         film: [N] drag of the oil, against the motion.

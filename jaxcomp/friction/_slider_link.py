@@ -211,7 +211,7 @@ class SliderLinkLoop(AbstractJointLoop):
         )
 
     def _residual(self, touch, on_link, pin_moment):
-        """What Eqs. (8), (9) leave over when the magnitudes are taken from the forces themselves."""
+        """Residual of Eqs. (8), (9) when the magnitudes are taken from the forces themselves."""
         arms, bore = self.arms, self.mechanism.bore
         thrust, moment, weight = self._piston_loads()
         pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)

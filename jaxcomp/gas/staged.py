@@ -37,11 +37,11 @@ class _Interstage(AbstractRoot):
     stages: tuple[int, ...] = eqx.field(static=True)
 
     def logarithms(self, inner):
-        """Of all pressures, from suction to discharge."""
+        """Logarithms of all pressures, from suction to discharge."""
         return jnp.concatenate([self.outer[:1], inner, self.outer[1:]])
 
     def rest(self, unknowns):
-        """What flows into a stage and not out of the one before, in units of the flow at suction."""
+        """Flow into a stage less that out of the one before, in units of the flow at suction."""
         logs, place = self.logarithms(unknowns), jnp.asarray(self.stages) - 1
         opening = jnp.exp((logs[place + 1] - logs[place]) / self.exponent)
         drawn = self.volume * (1 + self.clearance - self.clearance * opening)

@@ -34,7 +34,7 @@ class Vector(NamedTuple):
     y: Float[Array, "*n"]
 
     def stacked(self) -> Float[Array, "2 *n"]:
-        """As one array."""
+        """The three components as one array."""
         return jnp.stack(self)
 
 

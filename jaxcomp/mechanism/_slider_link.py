@@ -168,7 +168,7 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
 
 
 class PistonLoads(NamedTuple):
-    """What the contacts must balance.
+    """Loads that the contacts must balance.
 
     Attributes:
         thrust: [N] Q.

@@ -10,7 +10,7 @@ from ._base import AbstractMotor
 
 
 class ConstantTorque(AbstractMotor):
-    """The same torque at every speed. The running speed is found where losses balance it.
+    """A motor of the same torque at every speed. The running speed is found where losses balance it.
 
     Args:
         losses: efficiency over torque, for the electric power.

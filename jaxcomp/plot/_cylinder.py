@@ -137,7 +137,7 @@ def log_p_h(cycle: Cycle) -> Figure:
 
 
 def power_use(performance: Performance) -> Figure:
-    """What the power is spent on, from the isentropic power up."""
+    """Uses of the power, from the isentropic power up."""
     names = [name for name in POWER if float(performance.power[name])]
     values = np.array([float(performance.power[name]) for name in names])
     left = np.concatenate([[0.0], np.cumsum(values)[:-1]])

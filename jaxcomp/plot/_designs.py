@@ -36,7 +36,7 @@ def compared_losses(found: Comparison) -> Figure:
 
 
 def compared_power_use(found: Comparison) -> Figure:
-    """What the electric (or shaft) power of machines with valves is spent on, with a bar for each design.
+    """Uses of the electric (or shaft) power of machines with valves, with a bar for each design.
 
     Args:
         found: of `compare`.
@@ -127,7 +127,7 @@ def tolerance_figures(found: Tolerances, title: str) -> dict[str, Figure]:
 
 
 def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
-    """How a quantity is distributed, with the bells of first and second order and its limits.
+    """Distribution of a quantity, with the bells of first and second order and its limits.
 
     Args:
         found: of `tolerance`.

@@ -366,7 +366,7 @@ def _html(text: str) -> str:
 
 
 def _references(inside, place) -> dict[str, str]:
-    """What the two coordinates of a shape or text count in: data, or the share of the axes."""
+    """References of the two coordinates of a shape or text: data, or the share of the axes."""
     x, y = place["xaxis"], place["yaxis"]
     return {"xref": x if inside[0] else f"{x} domain", "yref": y if inside[1] else f"{y} domain"}
 

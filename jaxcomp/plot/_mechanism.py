@@ -142,7 +142,7 @@ def _drawing(mechanism: Any, angle: float):
 
 
 def line_look(name: str) -> dict[str, Any]:
-    """How a part of a mechanism is drawn, as options of a line of matplotlib."""
+    """Look of a part of a mechanism, as options of a line of matplotlib."""
     if name == "pins":
         return {"marker": "o", "linestyle": "", "color": style.INK, "markersize": 6, "zorder": 5}
     paint, thick = {

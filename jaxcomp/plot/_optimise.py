@@ -21,7 +21,7 @@ def optimum_figures(optimum: Optimum) -> dict[str, Figure]:
 
 
 def optimum_path(optimum: Optimum) -> Figure:
-    """How the starts moved: over one variable, in the plane of two, by step for more."""
+    """Paths of the starts: over one variable, in the plane of two, by step for more."""
     draw = {1: _line, 2: _plane}.get(len(optimum.values), _strips)
     return draw(optimum)
 
@@ -81,7 +81,7 @@ def pareto_front(front: ParetoFront) -> Figure:
 
 
 def _columns(looks: Sequence[Shown]) -> Shown:
-    """How the columns of a table of numbers are shown."""
+    """Format of the columns of a table of numbers."""
     return Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
 
 

@@ -232,7 +232,7 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
 
 
 def _drawn(found, name: str) -> Shown:
-    """How a variable or quantity of a sweep is drawn."""
+    """Format in which a variable or quantity of a sweep is drawn."""
     return shown_column(found, name).drawn
 
 

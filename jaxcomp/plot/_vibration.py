@@ -173,7 +173,7 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
 
 
 def _weights_note(balance: Balance) -> str:
-    """What the marks of weights mean, where there are any."""
+    """Note on the marks of weights, where there are any."""
     if balance.weights is None:
         return ""
     if balance.weights.removed.any():

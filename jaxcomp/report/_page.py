@@ -31,7 +31,7 @@ _DPI = 130
 
 
 class Provenance(NamedTuple):
-    """How a report came about.
+    """Origin of a report: command, time and libraries.
 
     Attributes:
         command: the command line.
@@ -45,7 +45,7 @@ class Provenance(NamedTuple):
 
     @classmethod
     def now(cls, command: str) -> "Provenance":
-        """With the libraries of this process, at this moment."""
+        """Provenance with the libraries of this process, at this moment."""
         versions = {name: version(name) for name in ("jaxcomp", "jax", "jaxlib", "numpy")}
         versions["Python"] = platform.python_version()
         return cls(command, versions, datetime.datetime.now().strftime("%Y-%m-%d %H:%M"))
@@ -250,7 +250,7 @@ def sources_html(scene: Scene) -> str:
 
 
 def _tally(rows: tuple[DescribedValue, ...]) -> str:
-    """How many values come from where, by the first word of the source."""
+    """Numbers of values by where they come from, by the first word of the source."""
     words = Counter(
         row.source.partition(",")[0].strip() or "without a source"
         for row in rows

@@ -39,7 +39,7 @@ _PIVOT, _AHEAD, _BACK, _ON_LEFT = slice(0, 3), slice(3, 7), slice(7, 11), slice(
 
 
 class Factor(NamedTuple):
-    """What the elimination of a model at one speed leaves.
+    """Factors that the elimination of a model at one speed leaves.
 
     Attributes:
         segment: (m, 14, c, components) D^{-1}, W, Y = D^{-1} X, and X^T Y summed up on the left border.

@@ -33,7 +33,7 @@ _RADIAL = ("ux", "uy")
 
 @runtime_checkable
 class LinkLaw(Protocol):
-    """What a link needs: stiffness and damping at a spin speed."""
+    """Protocol of the law of a link: stiffness and damping at a spin speed."""
 
     def coefficients(
         self, spin_speed: Float[Array, ""]
@@ -262,7 +262,7 @@ def _grounded(nodes: tuple) -> Any:
 
 
 def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:
-    """The same stiffness [N/m] and damping [N s/m] along `size` axes.
+    """Law of equal stiffness [N/m] and damping [N s/m] along `size` axes.
 
     Args:
         stiffness: [N/m] one value.

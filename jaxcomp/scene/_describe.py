@@ -180,7 +180,7 @@ _FLOW: tuple[_Ratio, ...] = (
 
 
 def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
-    """What is unusual in a scene, in the order of its parts.
+    """Unusual values of a machine file, in the order of its parts.
 
     The usual range of a number stands in the declaration of its field, those of ratios here.
 
@@ -260,7 +260,9 @@ _WHOLE = {
 
 
 def left_out(scene: Scene) -> tuple[str, ...]:
-    """What a scene does not describe, and so is computed without, each in words with its key."""
+    """Parts that a machine file does not describe, and so is computed without, each in words with its
+    key.
+    """
     compressor, out = scene.machine.compressor, []
     if compressor is None:
         out.append("the crank drive [mechanism]")

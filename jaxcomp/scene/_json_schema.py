@@ -56,7 +56,7 @@ def _object(properties: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def _properties(part: type[Part], parts: dict[str, Any]) -> dict[str, Any]:
-    """What each key of a section may be, with its meaning."""
+    """Schema of each key of a section, with its meaning."""
     told, found = meanings(part), {}
     for name, entry in entries(part).items():
         if isinstance(entry, Number | Option):

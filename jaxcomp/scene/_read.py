@@ -111,7 +111,7 @@ class Reader:
         return self.part(given, classes, path, source)
 
     def _tried(self, read: Callable[..., Any], *arguments: Any) -> Any:
-        """What a function reads, `None` where that ends in a problem."""
+        """Value that a function reads, `None` where that ends in a problem."""
         before = len(self.problems)
         try:
             found = read(*arguments)
@@ -180,7 +180,7 @@ class Reader:
 
 
 def _hint(key: str, known: Container[str], path: str) -> str:
-    """What to write instead of an unknown key: a similar one, or its own section where few have it."""
+    """Advice in place of an unknown key: a similar one, or its own section where few have it."""
     places = [] if nearest(key, known) else holders(key)  # pyright: ignore[reportArgumentType]
     if 0 < len(places) <= _FEW:
         return f"; it belongs in {' or '.join(places)}"

@@ -38,7 +38,7 @@ HEADER = ("name", "description", "source")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
-    """What a machine file describes.
+    """Content of a machine file.
 
     Attributes:
         name: short name of the machine.

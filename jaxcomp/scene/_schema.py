@@ -142,7 +142,7 @@ def holders(key: str) -> tuple[str, ...]:
 
 @cache
 def entries(part: type[Part]) -> dict[str, Entry]:
-    """What a section that describes a part of this class may hold, by key."""
+    """Entries of a section that describes a part of this class, by key."""
     hints = typing.get_type_hints(part)
     each = part.for_each_cylinder
     return {f.name: _entry(f, hints[f.name], each) for f in dataclasses.fields(part) if f.init}
@@ -150,7 +150,9 @@ def entries(part: type[Part]) -> dict[str, Entry]:
 
 @cache
 def meanings(part: type[Part]) -> dict[str, str]:
-    """What each entry of a section is, in words: of its declaration or of the class's documentation."""
+    """Meaning of each entry of a section, in words: of its declaration or of the class's
+    documentation.
+    """
     _, _, text = (inspect.getdoc(part) or "").partition("Args:\n")
     block = re.split(r"\n\S", text)[0]
     found = re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE)
@@ -241,7 +243,7 @@ def option_value(hint: Any, value: Any) -> Any:
 
 
 def expected(entry: Entry) -> str:
-    """What an entry must be, with unit and bound, as the end of a sentence."""
+    """Expectation of an entry, with unit and bound, as the end of a sentence."""
     if isinstance(entry, Number):
         unit = f"[{entry.unit}]" if entry.unit else "pure"
         bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"

@@ -56,7 +56,7 @@ class SceneError(ValueError):
         super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
 
     def in_file(self, file: str) -> "SceneError":
-        """The same complaints with the name of the file in front, unless they name one."""
+        """These complaints with the name of the file in front, unless they name one."""
         others = [other.in_file(file) for other in self.others]
         return SceneError(self.key, self.problem, self.value, self.file or file, others)
 
@@ -156,7 +156,7 @@ def _check_text(path: str, text: str) -> None:
 
 
 def _explained(text: str, error: tomllib.TOMLDecodeError) -> SceneError:
-    """What is wrong in the line at which reading ended, with its key and what to write."""
+    """Explanation of a fault in the line at which reading ended, with its key and what to write."""
     place = _LINE.search(str(error))
     lines = [line[:_LONGEST] for line in text.split("\n")[: int(place[1]) if place else 0]]
     given, value, title = _key(lines, len(lines) - 1)

@@ -185,7 +185,7 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
 
 
 def _advice(given_unit: str, unit: str, given: Any) -> str:
-    """What to write instead, for units that are often meant and have another dimension."""
+    """Advice for units that are often meant and have another dimension."""
     match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
     if match is None:
         return ""

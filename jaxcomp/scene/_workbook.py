@@ -86,7 +86,7 @@ def _rows(values: "Worksheet", formulas: "Worksheet") -> list[list[str]]:
 
 
 def _text(cell: Any, with_formula: Any) -> str:
-    """What stands in a cell, as in a table in CSV.
+    """Text of a cell, as in a table in CSV.
 
     Raises:
         SceneError: a formula without a value.

@@ -20,7 +20,7 @@ _CORRECTIONS = {
 
 
 def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
-    """Of each part of a scene its type, and how many values it has, by default and without a source."""
+    """Type of each part of a machine, and how many values it has, by default and without a source."""
     rows, found = describe(scene), {}
     words = {row.path: row.value for row in rows if row.path.endswith(".type")}
     for name in (name for name, one in scene.document.items() if isinstance(one, dict | list)):

@@ -75,7 +75,7 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
 
 
 def _of_cylinders(compressor: Compressor):
-    """What follows from how cylinders stand about the crankshaft."""
+    """Quantities that follow from how cylinders stand about the crankshaft."""
     crankshaft = compressor.crankshaft
     intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
     even = np.ptp(intervals) < 0.01
@@ -104,7 +104,7 @@ def _of_cylinders(compressor: Compressor):
 
 
 def _of_valves(gas: Cylinder, speed: float):
-    """What follows from the lines and valves of a cylinder, and what it leaves out."""
+    """Quantities that follow from the lines and valves of a cylinder, and what it leaves out."""
     suction = gas.suction.state(gas.fluid)
     behind = gas.discharge.states(gas.fluid, suction)[0]
     yield "Pressure ratio", float(behind.p / suction.p), ""

@@ -86,7 +86,7 @@ def _measured(text: TableText) -> Influence:
 
 
 class _Table:
-    """What the lines of a table say, by run, target and speed."""
+    """Readings of the lines of a table, by run, target and speed."""
 
     def __init__(self, heads: Sequence[Head], with_phase: bool):
         self.with_phase = with_phase
@@ -186,7 +186,7 @@ class _Table:
                 raise SceneError("run", f'"{run}" and "{_INITIAL}" must both read {at}')
 
     def _without_initial(self) -> str:
-        """What a table without the first run lacks, in words."""
+        """Entries that a table without the first run lacks, in words."""
         runs = ", ".join(list(self.readings)[:_FEW])
         near = nearest(_INITIAL, self.readings)
         meant = "" if near is None else f'; write "{_INITIAL}" for "{near}"'
@@ -259,7 +259,7 @@ class _Table:
             raise SceneError("trial", problem) from None
 
     def _runs_by_plane(self) -> str:
-        """How many runs with a trial weight each plane has, in words."""
+        """Numbers of runs with a trial weight of each plane, in words."""
         planes = list(self.plane_of.values())
         counts = (f"{planes.count(plane)} in {plane}" for plane in dict.fromkeys(planes))
         return f"runs with a trial weight are {', '.join(counts)}"

@@ -44,7 +44,7 @@ _FORMS = 'must be written like "+-0.02 mm", "-0.01 +0.03 mm", "+-5 % uniform" or
 
 
 class ToleranceFile(NamedTuple):
-    """What a file of tolerances holds.
+    """Content of a file of tolerances.
 
     Attributes:
         tolerances: as written, by name or pattern.

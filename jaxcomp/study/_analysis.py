@@ -87,7 +87,7 @@ class DesignResult:
 
     @cached_property
     def delivered(self) -> IdealDelivery:
-        """What a machine with simple cycles delivers."""
+        """Delivery of a machine with simple cycles."""
         given = self.design.compressor
         return ideal_delivery(self._compressor, given and given.gas, self.orbit.mean_speed)
 
@@ -98,7 +98,7 @@ class DesignResult:
 
     @cached_property
     def crank_loads(self) -> CrankLoads:
-        """What the crank does to the rotor at the balancing speeds; it is solved once at each."""
+        """Loads of the crank on the rotor at the balancing speeds; it is solved once at each."""
         orders = tuple(dict.fromkeys((*self.options.orders, 1)))
         return all_crank_loads(self.assembly, self.options, orders)
 
@@ -134,7 +134,7 @@ class DesignResult:
 
     @property
     def status(self) -> Status:
-        """How what was computed so far of the crank ended; a design out of bounds is bad input."""
+        """Status of what was computed so far of the crank; a design out of bounds is bad input."""
         parts = [self.design.compressor, *self.design.parts.values()]
         good = [admissible(part) for part in parts if part is not None]
         status = self.orbit.status if "orbit" in self.__dict__ else Status.converged

@@ -83,7 +83,7 @@ def _all(designs: Compressor | Machine, solver: Collocation | None) -> Orbit:
 
 
 class RodDrive(Part):
-    """What replaces slider and link: a rod, its pin, and a piston without link.
+    """Drive in the place of slider and link: a rod, its pin, and a piston without link.
 
     Args:
         conrod_length: [m] between the centres of the eyes.
@@ -172,7 +172,7 @@ class DriveComparison(Result, eqx.Module):
         return sum(self.saving.values(), start=jnp.zeros_like(self.slider_link.gas_power))
 
     def described(self) -> Iterator[Data]:
-        """What the rod saves, and the numbers of both periodic states, whose curves are in these."""
+        """Savings by the rod, and the numbers of both periodic states, whose curves are in these."""
         yield Data("pair", "", np.array(list(self.saving)), self.table_dims)
         saving = np.stack([*self.saving.values()], axis=-1)
         yield Data("saving", "W", saving, self.table_dims, "at the gas power of the slider-link")

@@ -61,7 +61,7 @@ class Descent:
 
     @property
     def status(self) -> str:
-        """How it ended; see `Start`."""
+        """End of the descent in words; see `Start`."""
         best, limited = self.best, len(self.points) >= self.max_steps
         if not best.ok:
             return "start not solvable"

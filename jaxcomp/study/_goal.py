@@ -48,7 +48,7 @@ class Ranges(NamedTuple):
 
     @property
     def width(self) -> Float[np.ndarray, " variables"]:
-        """Of each range."""
+        """Width of each range."""
         return self.high - self.low
 
     def values(self, shares: Rows) -> Rows:
@@ -121,7 +121,7 @@ class Goal:
 
     @property
     def name(self) -> str:
-        """Of the objective."""
+        """Name of the objective."""
         return "residuals" if self.objective is None else self.problem.names[self.objective]
 
     @property
@@ -208,7 +208,7 @@ def _sides(name: str, place: int, low: float | None, high: float | None) -> list
 
 
 class Misses(NamedTuple):
-    """How far quantities lie beyond limits or targets, in spreads.
+    """Distances of quantities beyond limits or targets, in spreads.
 
     Attributes:
         values: [-] (limits,)
@@ -249,12 +249,12 @@ class Point:
 
     @cached_property
     def residuals(self) -> Misses:
-        """Of the targets, whose squares add up to 2 f."""
+        """Misses of the targets, whose squares add up to 2 f."""
         return self._misses(self.goal.targets)
 
     @cached_property
     def limits(self) -> Misses:
-        """Of the constraints, g."""
+        """Misses of the constraints, g."""
         return self._misses(self.goal.limits)
 
     @cached_property
@@ -323,7 +323,7 @@ class Point:
 
     @property
     def feasible(self) -> bool:
-        """Whether it could be solved and keeps the constraints."""
+        """True where the point could be solved and keeps the constraints."""
         return self.ok and self.violation <= 10 * FEASIBLE
 
     @property
@@ -334,6 +334,6 @@ class Point:
 
     @property
     def optimal(self) -> bool:
-        """Whether it keeps the constraints and has no slope left."""
+        """True where the point keeps the constraints and has no slope left."""
         kept = self.ok and self.violation <= FEASIBLE
         return kept and self.stationarity <= self.goal.tolerance

@@ -15,7 +15,7 @@ from ..gas import DoubleActing, StagedCycle
 
 
 class IdealDelivery(NamedTuple):
-    """What a machine with polytropic cycles delivers.
+    """Delivery of a machine with polytropic cycles.
 
     Attributes:
         free_air: [m^3/s] drawn, at the pressure and temperature of the inlet.
@@ -33,7 +33,7 @@ class IdealDelivery(NamedTuple):
 
 
 def ideal_delivery(compressor: Compressor, given: Any, speed: Float[Array, ""]) -> IdealDelivery:
-    """What a machine delivers whose gas is polytropic, double-acting or staged.
+    """Delivery of a machine whose gas is polytropic, double-acting or staged.
 
     Args:
         compressor: put together: stages have their pressures.

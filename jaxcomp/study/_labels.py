@@ -17,7 +17,7 @@ _DIRECTIONS = ("x", "y", "z", "about x", "about y", "about z")
 
 
 def variable_label(design: Machine, path: str) -> str:
-    """What a variable is, in words: `conrod length`, `stiffness x of link springs to seats`.
+    """Name of a variable in words: `conrod length`, `stiffness x of link springs to seats`.
 
     Args:
         design: whose number it is.

@@ -47,7 +47,7 @@ class Constrained(NamedTuple):
 
 
 class Start(NamedTuple):
-    """How one start ended.
+    """One start of a search, and its end.
 
     Attributes:
         start, values: [SI] (variables,) where it began and ended.
@@ -217,7 +217,7 @@ class Optimum(Result):
 
     @property
     def agreeing(self) -> int:
-        """How many starts ended at the optimum."""
+        """Number of starts that ended at the optimum."""
         return sum(start.agrees for start in self.starts)
 
     @property

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Read(NamedTuple):
-    """What is read off a response, linear in it.
+    """Reading of a response, linear in it.
 
     Attributes:
         targets: [m], [rad] (*batch, rows)
@@ -27,7 +27,7 @@ class Read(NamedTuple):
 
 
 class KnownResponse(eqx.Module):
-    """What loads do to a rotor that itself does not change.
+    """Response of a rotor that itself does not change to loads.
 
     Attributes:
         unit: `Read` with the batch (speeds, orders, nodes, dof), of one newton (newton metre) each.

@@ -28,7 +28,7 @@ Asked = str | Callable[[DesignResult], Float[Array, ""]]
 
 
 def name_of(asked: Asked) -> str:
-    """Of a quantity; a function goes by its own name."""
+    """Name of a quantity; a function goes by its own name."""
     return asked if isinstance(asked, str) else asked.__name__
 
 
@@ -52,7 +52,7 @@ def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
 
 
 class Answer(NamedTuple):
-    """What one design is worth.
+    """Values of one design.
 
     Attributes:
         values: [SI] (quantities,) in the order of the problem.
@@ -100,7 +100,7 @@ class Problem(eqx.Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the quantities; a function goes by its own name."""
+        """Names of the quantities; a function goes by its own name."""
         return tuple(name_of(q) for q in self.quantities)
 
     @property

@@ -62,7 +62,7 @@ def by_crank(machine: Assembly, options: AnalysisOptions) -> bool:
 def all_crank_loads(
     machine: Assembly, options: AnalysisOptions, orders: tuple[int, ...]
 ) -> CrankLoads:
-    """What the crank does to the rotor at the speeds of the balancing planes, along a leading axis.
+    """Loads of the crank on the rotor at the speeds of the balancing planes, along a leading axis.
 
     Raises:
         BadInput: no rotor, loads or balancing planes.
@@ -97,7 +97,7 @@ def vibration_of(machine: Assembly, crank: CrankLoads, orders: tuple[int, ...]) 
 
 
 def known_vibration(machine: Assembly, options: AnalysisOptions, known: KnownResponse) -> Vibration:
-    """The same for a machine whose rotor and fixed forces are those of `known_response`."""
+    """Vibration of a machine whose rotor and fixed forces are those of `known_response`."""
     loads = machine.unbalances if by_crank(machine, options) else machine.given_loads
 
     def at(speed):
@@ -122,7 +122,7 @@ def _vibration(read: Read, ok) -> Vibration:
 
 @eqx.filter_jit
 def known_response(design: Machine, options: AnalysisOptions) -> KnownResponse:
-    """What unit loads do to the rotor of a design, on all nodes whose loads may change.
+    """Response of the rotor of a design to unit loads, on all nodes whose loads may change.
 
     With the crank's own forces these stay as they are while corrections and unbalances change: what
     these do to the motion of the crank, through the friction of its bearings, is left out.

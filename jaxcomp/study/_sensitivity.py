@@ -147,7 +147,7 @@ class Sensitivity(Result):
 
 
 class Influence(NamedTuple):
-    """What one number does to one quantity.
+    """Influence of one number on one quantity.
 
     Attributes:
         number: its name.
@@ -192,7 +192,7 @@ class Influence(NamedTuple):
 
     @property
     def change(self) -> str:
-        """What a rise of the number by 1 %, or by one unit, changes."""
+        """Change by a rise of the number by 1 %, or by one unit."""
         if self.relative:
             return f"{self.rise:+.3g} {self.quantity.unit if self.quantity.level else '%'} per %"
         rise = f"{self.rise:+.3g} {self.quantity.unit}"
@@ -205,7 +205,7 @@ def sensitivity(
     *,
     options: AnalysisOptions | None = None,
 ) -> Sensitivity:
-    """How much quantities change with every number of a machine, by one reverse pass.
+    """Sensitivity of quantities to every number of a machine, by one reverse pass.
 
     A list in which all rows have the value that the file gives once counts as one number.
 

@@ -86,7 +86,7 @@ class SteadyState(Result):
 
     @property
     def status(self) -> Status:
-        """How the solution ended."""
+        """Status of the solution."""
         return self.orbit.status
 
     @property

@@ -48,7 +48,7 @@ class Variable(NamedTuple):
 
     @property
     def bare(self) -> "Variable":
-        """Without its range, as programs of any range share it."""
+        """The variable without its range, as programs of any range share it."""
         return self._replace(low=0.0, high=0.0, bound=ANY)
 
     def current(self, design: Machine) -> Float[Array, ""]:
@@ -84,7 +84,7 @@ class Variable(NamedTuple):
 
 @runtime_checkable
 class Changes(Protocol):
-    """What changes a design by one number: a variable, or a factor common to several."""
+    """Change of a design by one number: a variable, or a factor common to several."""
 
     def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
         """The design with another value."""
@@ -187,7 +187,7 @@ def matching(design: Machine, path: str) -> list[str]:
 
 
 def by_name(design: Machine, given: Mapping[str, _Given]) -> dict[str, _Given]:
-    """What is given by path or pattern, by name of the number; where several fit, the last counts.
+    """Entries given by path or pattern, by name of the number; where several fit, the last counts.
 
     Raises:
         BadInput: see `matching`.
@@ -253,7 +253,7 @@ def _steps(name: str) -> list[str]:
 
 
 def walk(design: Machine, steps: Sequence[str]) -> Any:
-    """What stands at the end of a path; raises `LookupError` at a step that leads nowhere."""
+    """The object at the end of a path; raises `LookupError` at a step that leads nowhere."""
     if not steps:
         return design.compressor
     sections = {name: getattr(design, name) for name in SECTIONS} | design.parts

@@ -44,7 +44,7 @@ __all__ = ["Rating", "RatingMap", "at_rating", "rated", "rating_map"]
 
 
 class Rating(NamedTuple):
-    """What a standard says of the gas that comes and of the liquid before the expansion.
+    """Conditions of a standard: the gas that comes, and the liquid before the expansion.
 
     Attributes:
         return_gas: [K] its temperature; `None` where the superheat is given.

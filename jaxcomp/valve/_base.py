@@ -20,7 +20,7 @@ from .oil_film import OilFilm
 
 
 class Oscillator(NamedTuple):
-    """What moves in a valve: mass [kg], stiffness [N/m], damping [N s/m], preload and stop [m]."""
+    """Moving part of a valve: mass [kg], stiffness [N/m], damping [N s/m], preload and stop [m]."""
 
     mass: Float[Array, ""]
     stiffness: Float[Array, ""]
@@ -59,7 +59,7 @@ class AbstractValve(Part):
     @property
     @abstractmethod
     def oscillator(self) -> Oscillator | None:
-        """What moves; `None` for an ideal check valve."""
+        """Moving part; `None` for an ideal check valve."""
 
     @abstractmethod
     def flow_area(self, lift: Float[Array, ""]) -> Float[Array, ""]:
@@ -71,7 +71,7 @@ class AbstractValve(Part):
 
 
 class AbstractMovingValve(AbstractValve):
-    """What the moving valves share."""
+    """Base of the moving valves."""
 
     _: KW_ONLY
     stop: Float[Array, ""] = quantity("m", POSITIVE, doc="largest lift", usual=(5e-5, 0.02))

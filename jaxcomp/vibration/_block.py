@@ -136,7 +136,7 @@ def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
 
 
 def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
-    r"""The same far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
+    r"""Response far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
     inertias = suspension.inertia_x, suspension.inertia_y, suspension.inertia_z
     mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
     # M is diagonal about the mass centre, for the products of inertia are neglected.

@@ -174,7 +174,7 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
 
 
 class CrankLoads(NamedTuple):
-    """What the crank does to its rotor at one speed; with a leading axis for several.
+    """Loads of the crank on its rotor at one speed; with a leading axis for several.
 
     Attributes:
         films: by number of the link, of the films that leave it open: [N] (2,) static load on the
@@ -197,7 +197,7 @@ def crank_loads(
     crank: bool = True,
     left_out: tuple[str, ...] = (),
 ) -> CrankLoads:
-    """What the crank does to its rotor at one speed; it is solved once, and only where it is needed.
+    """Loads of the crank on its rotor at one speed; it is solved once, and only where it is needed.
 
     Args:
         machine: put together, with rotor and loads.

@@ -115,7 +115,7 @@ _OF_CYLINDER = (*_PRESSED, "packing", "piston_pin", "link_slider")
 
 
 def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
-    """What a slider-crank does to crank and crankcase, in the axes of its cylinder.
+    """Forces of a slider-crank on crank and crankcase, in the axes of its cylinder.
 
     Returns:
         Force on the pin [N] (2, n), its torque on the crank [N m], force on the wall [N] (2, n), and its
@@ -132,7 +132,8 @@ def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
 
 
 def _slider_and_wall(mechanism: SliderLink, angle, forces, lost):
-    """The same of a slider-link. The piston touches with opposite sides of its diameter.
+    """Forces of a slider-link on crank and crankcase. The piston touches with opposite sides of its
+    diameter.
 
     With `slider_moment = "paper"` the couple between slider and link is in none of the forces, and
     missing in the moments.

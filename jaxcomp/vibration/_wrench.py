@@ -117,7 +117,7 @@ def _(compressor: Compressor, state: CrankState) -> Wrench:
 
 
 def wrench_about(wrench: Wrench, point: Float[Array, "3"]) -> Wrench:
-    """The same wrench with its moment about another point [m] (Eq. 41), M - r x F."""
+    """This wrench with its moment about another point [m] (Eq. 41), M - r x F."""
     point = jnp.asarray(point)
     lever = jnp.cross(point, wrench.force, axisb=0, axisc=0)
     return Wrench(wrench.force, wrench.moment - lever)

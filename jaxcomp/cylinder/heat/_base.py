@@ -14,7 +14,7 @@ from ..._core.fields import POSITIVE, Part, quantity
 
 
 class HeatInput(NamedTuple):
-    """What a correlation may look at.
+    """Quantities that a correlation may look at.
 
     Attributes:
         rho: [kg/m^3] of the gas.

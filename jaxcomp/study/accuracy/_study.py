@@ -107,7 +107,7 @@ def median_time(call: Callable[[], Any]) -> float:
 
 
 class Question(NamedTuple):
-    """What the errors are of.
+    """Subject of the errors that are measured.
 
     Attributes:
         design: the machine.
@@ -141,7 +141,7 @@ class Question(NamedTuple):
 
     @property
     def default_solver(self) -> Collocation:
-        """What `solve_orbit` takes for this machine."""
+        """Solver that `solve_orbit` takes for this machine."""
         machine = self.compressor
         return Collocation(reversals=0) if machine is None else default_collocation(machine)
 
@@ -153,7 +153,7 @@ class Question(NamedTuple):
 
     @property
     def load_reversals(self) -> int:
-        """Of the mechanism, within a stroke."""
+        """Number of load reversals of the mechanism within a stroke."""
         machine = self.compressor
         return 0 if machine is None else machine.load_reversals
 
@@ -184,7 +184,7 @@ class Solved(NamedTuple):
 
     @property
     def why(self) -> str:
-        """What went wrong, if anything did."""
+        """Reason of a failure, if there was one."""
         if bool(self.status != Status.converged):
             return Status[self.status]
         if not bool(self.ok):
@@ -230,7 +230,7 @@ class Setting(NamedTuple):
 
 
 class Study(NamedTuple):
-    """How a question is studied.
+    """Plan of the settings that answer a question.
 
     Attributes:
         reference: finds the converged value.

@@ -24,7 +24,7 @@ class CommonFactor(NamedTuple):
 
     @property
     def bare(self) -> "CommonFactor":
-        """Without its range."""
+        """The factor without its range."""
         return self._replace(each=tuple(one.bare for one in self.each), low=0.0, high=0.0)
 
     def current(self, design: Machine) -> float:
@@ -43,7 +43,7 @@ class CommonFactor(NamedTuple):
 def varied(
     design: Machine, name: str, low: float | None = None, high: float | None = None
 ) -> Variable | CommonFactor:
-    """What a path varies: a number, or for a pattern a common factor on all that fit it.
+    """Numbers that a path varies: one, or for a pattern a common factor on all that fit it.
 
     Args:
         design: the machine.

@@ -35,7 +35,7 @@ class Minimum(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What a fitted model says of readings.
+    """Prediction of readings by a fitted model.
 
     Attributes:
         value: (n,)
@@ -141,7 +141,7 @@ class Fit:
         return self.estimate - half, self.estimate + half
 
     def predict(self, value: ArrayLike, slope: ArrayLike, sd: ArrayLike = 0.0) -> Prediction:
-        """What readings would be where the model has these values and slopes.
+        """Prediction of readings where the model has these values and slopes.
 
         Args:
             value: (n,) of the model at the estimate.

@@ -27,7 +27,7 @@ Build = Callable[[Float[Array, " p"]], Machine]
 
 
 class Kind(NamedTuple):
-    """What a measured quantity is.
+    """Kind of a measured quantity: its name, unit and deviation.
 
     Attributes:
         unit: SI unit.
@@ -93,13 +93,15 @@ class AbstractMeasurement(abc.ABC):
         del machine, varied
 
     def solved_by(self, solver: "Collocation | Shooting | None") -> Self:
-        """The same readings; the periodic states that they follow from are found by another solver."""
+        """These readings with the periodic states that they follow from found by another solver."""
         own = any(one.name == "solver" for one in dataclasses.fields(cast(Any, self)))
         return dataclasses.replace(cast(Any, self), solver=solver) if own else self
 
     @property
     def bare(self) -> Self:
-        """Without its data: what its program depends on, and what names that program where it is kept."""
+        """The measurement without its data: what its program depends on, and what names that program
+        where it is kept.
+        """
         if not dataclasses.is_dataclass(self):
             return self
         data = {one.name: None for one in dataclasses.fields(self) if not one.compare}
@@ -121,7 +123,7 @@ class AbstractMeasurement(abc.ABC):
     def warnings(
         self, used: Sequence[int], beside: Sequence[tuple[Any, Sequence[int]]]
     ) -> list[str]:
-        """What is not to be trusted of points that the fit did not see, in words.
+        """Warnings about points that the fit did not see, in words.
 
         Args:
             used: points that the fit saw.
@@ -133,7 +135,7 @@ class AbstractMeasurement(abc.ABC):
     def at(
         self, machine: Machine, nuisances: Float[Array, " q"], point: Any
     ) -> tuple[Float[Array, " k"], Bool[Array, ""]]:
-        """What a machine says of a point, and whether that can be relied on."""
+        """Readings of a machine at a point, and whether they can be relied on."""
         raise NotImplementedError
 
     def values(

@@ -21,7 +21,7 @@ _LITTLE = 0.5
 
 
 def notes_of(found: Fit, model: ReadingModel, value: NDArray) -> Iterator[str]:
-    """What is not to be trusted of a fit, in words.
+    """Warnings about a fit, in words.
 
     Args:
         found: the fit.

@@ -76,11 +76,11 @@ class ReadingModel:
 
     @property
     def count(self) -> int:
-        """Of points."""
+        """Number of points."""
         return int(self.first[-1])
 
     def warnings(self, used: Sequence[int]) -> list[str]:
-        """What is not to be trusted of points held out."""
+        """Warnings about points held out."""
         seen = []
         for n, one in enumerate(self.measurements):
             begin, end = self.first[n : n + 2]
@@ -127,5 +127,5 @@ class ReadingModel:
             yield from zip(later, pool.map(at, later), strict=True)
 
     def _measurement(self, number: int) -> int:
-        """Of a point, which counts over all measurements."""
+        """Number of the measurement of a point, which counts over all measurements."""
         return int(np.searchsorted(self.first, number, side="right")) - 1

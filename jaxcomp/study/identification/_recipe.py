@@ -36,7 +36,7 @@ _FILLING = 0.8
 
 
 class Recipe(NamedTuple):
-    """What `identify` is told of a machine that is known by its map alone.
+    """Recipe of `identify` for a machine that is known by its map alone.
 
     Attributes:
         machine: similar to the given one, of about the size that the readings want.
@@ -50,7 +50,7 @@ class Recipe(NamedTuple):
 
 
 def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Readings]) -> Recipe:
-    """What to vary of a machine of unknown size, valves and losses that its map is to tell.
+    """Constants to vary of a machine of unknown size, valves and losses that its map is to tell.
 
     The size follows from the flow at a volumetric efficiency of 0.8; everything else is that of a similar
     machine, with wide priors around it. Numbers that the machine has not are left out.

@@ -18,7 +18,7 @@ from ._reading_model import ReadingModel
 
 
 class HeldOut(NamedTuple):
-    """How a quantity was predicted at points that the fit did not see.
+    """Errors of a quantity at points that the fit did not see.
 
     Attributes:
         count: of points.
@@ -33,7 +33,7 @@ class HeldOut(NamedTuple):
 
 
 class PredictedReadings(NamedTuple):
-    """What an identified machine says of readings.
+    """Readings of an identified machine.
 
     Attributes:
         entries: the readings.
@@ -57,7 +57,7 @@ class PredictedReadings(NamedTuple):
 
 
 class Identification(Result, eqx.Module):
-    """What measurements tell of a machine.
+    """Constants of a machine that measurements tell.
 
     Attributes:
         parameters: (p,) paths of the constants, then the constants of the measurements themselves.
@@ -195,7 +195,7 @@ class Identification(Result, eqx.Module):
         return out
 
     def predict(self, measurement: AbstractMeasurement) -> PredictedReadings:
-        """What the identified machine says of other readings, with intervals.
+        """Prediction of other readings by the identified machine, with intervals.
 
         Args:
             measurement: of which the conditions count, and the standard deviations for the intervals of

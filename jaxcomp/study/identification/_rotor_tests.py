@@ -124,7 +124,7 @@ class ModalTest(AbstractMeasurement):
         return self.shape / np.where(size > 0, size, np.nan)
 
     def warnings(self, used, beside):
-        """What the file has and was not read."""
+        """Warnings about what the file has and was not read."""
         del used, beside
         return [*self.skipped]
 

@@ -19,7 +19,7 @@ from ._rotor_tests import ModalTest
 
 
 class RotorUpdate(Result, eqx.Module):
-    """What a modal test makes of the numbers of a rotor.
+    """Numbers of a rotor after a modal test.
 
     Attributes:
         paths: (variables,) of the numbers.
@@ -67,7 +67,7 @@ class RotorUpdate(Result, eqx.Module):
 
     @property
     def status(self) -> str:
-        """How the fit ended."""
+        """End of the fit in words."""
         return "converged" if self.converged else "not converged"
 
     def described(self) -> Iterator[Data]:

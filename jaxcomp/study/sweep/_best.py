@@ -104,7 +104,7 @@ def _vertex(x, y, row) -> float:
 
 
 def shown_column(found: "xarray.Dataset", name: str) -> Shown:
-    """How a variable or quantity of a `sweep` is shown.
+    """Format in which a variable or quantity of a `sweep` is shown.
 
     Args:
         found: what `sweep` returned.

@@ -103,7 +103,7 @@ def block_program(
 
 
 def _once(problem: Problem, width: int, devices: Sequence[Device]):
-    """The same in one size of the cycle, with what may be found in a larger one."""
+    """Program of blocks in one size of the cycle, with the designs that a larger one may solve."""
     numbers, rest = eqx.partition(problem, eqx.is_array)
     # A program on a CPU may hold the thread that started it until it ends.
     pool = ThreadPoolExecutor(len(devices), "sweep")

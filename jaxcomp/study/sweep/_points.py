@@ -54,7 +54,7 @@ class Distribution(NamedTuple):
 
 
 def grid(low: float, high: float, count: int) -> Values:
-    """So many evenly spaced values [SI], both ends included.
+    """Evenly spaced values [SI], so many, both ends included.
 
     Args:
         low: [SI] first value.
@@ -68,7 +68,7 @@ def grid(low: float, high: float, count: int) -> Values:
 
 
 def log_grid(low: float, high: float, count: int) -> Values:
-    """So many values [SI] of a constant ratio, both ends included.
+    """Values [SI] of a constant ratio, so many, both ends included.
 
     Args:
         low: [SI] first value.
@@ -157,7 +157,7 @@ class GridPoints:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """How many values each variable takes."""
+        """Number of values that each variable takes."""
         return tuple(values.size for values in self.axes.values())
 
     @property
@@ -176,7 +176,7 @@ class GridPoints:
         return np.stack(np.meshgrid(*cut, indexing="ij"), -1).reshape(-1, len(cut))
 
     def described(self) -> dict[str, object]:
-        """What makes two grids the same."""
+        """Description by which two grids are the same."""
         return {name: ["grid", *values.tolist()] for name, values in self.axes.items()}
 
 
@@ -224,7 +224,7 @@ class SamplePoints:
         return np.stack(columns, -1)
 
     def described(self) -> dict[str, object]:
-        """What makes two sets of samples the same."""
+        """Description by which two sets of samples are the same."""
         axes = {name: list(axis) for name, axis in self.axes.items()}
         return {"samples": self.count, "sampling": self.sampling, "seed": self.seed, **axes}
 
@@ -259,7 +259,7 @@ class SamplePoints:
 
 
 class Blocks(NamedTuple):
-    """How the designs are cut into blocks, of which each is computed and stored at once.
+    """Cut of the designs into blocks, of which each is computed and stored at once.
 
     Attributes:
         shape: of all designs.
@@ -295,7 +295,7 @@ class Blocks(NamedTuple):
         return tuple(int(i) for i in np.unravel_index(number, self.counts))
 
     def place(self, number: int) -> Place:
-        """What a block covers."""
+        """Designs that a block covers."""
         return tuple(
             slice(i * part, min((i + 1) * part, size))
             for i, part, size in zip(self.where(number), self.block, self.shape, strict=True)

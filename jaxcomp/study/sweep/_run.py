@@ -225,7 +225,7 @@ def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
 
 
 def _headings(asked: Problem) -> tuple[Headings, Headings]:
-    """Of variables and of quantities."""
+    """Headings of variables and of quantities."""
     found = {q: quantity_named(q) for q in asked.quantities if isinstance(q, str)}
     return (
         {one.name: heading(one.unit, one.name) for one in asked.variables},

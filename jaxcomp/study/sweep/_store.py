@@ -46,12 +46,16 @@ Headings = dict[str, dict[str, str]]
 
 
 def heading(unit: str, doc: str, better: str = "") -> dict[str, str]:
-    """What `xarray` keeps beside a variable or quantity: SI unit, one line, "more", "less" or ""."""
+    """Heading that `xarray` keeps beside a variable or quantity: SI unit, one line, "more", "less" or
+    "".
+    """
     return {"units": unit, "better": better, "long_name": doc}
 
 
 def _status_heading() -> dict[str, Any]:
-    """Of the codes, with what they mean in the manner of the conventions for climate and forecasts."""
+    """Heading of the codes, with what they mean in the manner of the conventions for climate and
+    forecasts.
+    """
     names = [*status_names(), "failed"]
     codes = [*range(len(names) - 1), UNNAMED]
     about = "how the design ended"
@@ -59,7 +63,7 @@ def _status_heading() -> dict[str, Any]:
 
 
 def status_words(found: "xarray.Dataset") -> np.ndarray | None:
-    """How every design ended, by names of `Status`; `None` of a store that does not know.
+    """Status of every design, by names of `Status`; `None` of a store that does not know.
 
     Args:
         found: of `sweep` or `open_sweep`.
@@ -85,7 +89,7 @@ def _empty(name: str, shape: tuple[int, ...]) -> np.ndarray:
 
 
 class Plan(NamedTuple):
-    """What a sweep is to find, and how its results are laid out.
+    """Plan of a sweep: what it is to find, and how its results are laid out.
 
     Attributes:
         points: the designs.
@@ -113,14 +117,14 @@ class Plan(NamedTuple):
 
     @property
     def columns(self) -> Headings:
-        """What is kept of every design: its own variables, quantities, status and, last, `ok`."""
+        """Columns of every design: its own variables, quantities, status and, last, `ok`."""
         own = self.variables if self.sampled else {}
         status = {STATUS: _status_heading()} if self.with_status else {}
         return own | self.quantities | status | {OK: _OK_HEADING}
 
 
 class _Store:
-    """What keeps the results of a plan, in an array for each column."""
+    """Store of the results of a plan, in an array for each column."""
 
     plan: Plan
     arrays: dict[str, Any]
@@ -291,7 +295,7 @@ def _whole(path: Path, header, values, sampled) -> np.ndarray:
 
 
 def stored_header(path: Path) -> dict[str, Any] | None:
-    """What a store says of itself; `None` if there is none at this path."""
+    """Header of a store; `None` if there is none at this path."""
     try:
         attributes = json.loads((path / "zarr.json").read_text())["attributes"]
         header = json.loads(attributes[_HEADER])
@@ -335,7 +339,7 @@ def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
 
 
 def first_difference(here: dict[str, Any], there: dict[str, Any]) -> str:
-    """What differs, in words; empty if nothing does."""
+    """First difference of two headers, in words; empty if there is none."""
     hashed = {"machine": "numbers of the machine", "designs": "values of the variables"}
     for key, value in here.items():
         if there.get(key) != value:
@@ -349,7 +353,7 @@ def first_difference(here: dict[str, Any], there: dict[str, Any]) -> str:
 
 
 def _digest(tree) -> str:
-    """Of all numbers of a tree and of everything that is none."""
+    """Digest of all numbers of a tree and of everything that is none."""
     numbers, rest = eqx.partition(tree, eqx.is_array)
     digest = hashlib.sha256(_text(rest).encode())
     for path, leaf in jax.tree_util.tree_leaves_with_path(numbers):

@@ -62,7 +62,7 @@ class Limit(NamedTuple):
 
 
 class Reliability(NamedTuple):
-    """How probable it is that a limit is broken.
+    """Probability that a limit is broken.
 
     Attributes:
         limit: the limit.
@@ -99,7 +99,7 @@ class Reliability(NamedTuple):
 
 
 class _LimitState:
-    """How far beyond a limit a machine lies in the space of u, with its slope; each solved once."""
+    """Distance of a machine beyond a limit in the space of u, with its slope; each solved once."""
 
     def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit, progress: bool):
         self.problem, self.limit, self.size = problem, limit, len(nominal)

@@ -43,7 +43,7 @@ _MANY, _FEW = 16384, 512
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Tolerances(Result):
-    """What a scatter does to the quantities of a machine.
+    """Scatter of the quantities of a machine.
 
     Attributes:
         problem: the quantities as functions of the scattered variables.
@@ -109,13 +109,13 @@ class Tolerances(Result):
         return variable_label(self.problem.design, variable)
 
     def shown(self, quantity: str) -> Shown:
-        """How a quantity is shown."""
+        """Format in which a quantity is shown."""
         place = self.names.index(quantity)
         return shown(quantity, self.problem.units[place], self.value[place])
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the quantities."""
+        """Names of the quantities."""
         return self.problem.names
 
     @property
@@ -174,7 +174,7 @@ def tolerance(
     progress: bool = True,
     keep: Keep | None = None,
 ) -> Tolerances:
-    """What production tolerances do to a machine, by derivatives and by Monte Carlo.
+    """Scatter of a machine by production tolerances, by derivatives and by Monte Carlo.
 
     Args:
         scene: of `jaxcomp.load`, a `Machine`, or a `Problem`, whose variables are the scattered ones.
