@@ -154,8 +154,12 @@ def list_machines(
         found, table = _fluids()
     elif machine is not None:
         scene = _known_scene(machine)
-        of_scene = _quantities if quantities else _variables if variables else _values
-        found, table = of_scene(scene)
+        listed = _values
+        if quantities:
+            listed = _quantities
+        elif variables:
+            listed = _variables
+        found, table = listed(scene)
     else:
         found, table = _quantities() if quantities else _machines()
     show_results(found, [table], as_json)

@@ -84,4 +84,6 @@ def pull_row(result: dict[str, Any]):
 
 def whirl(share: float) -> str:
     """Direction of an orbit from its minor over its major axis."""
-    return "plane" if abs(share) < _LINE else "forward" if share > 0 else "backward"
+    if abs(share) < _LINE:
+        return "plane"
+    return "forward" if share > 0 else "backward"

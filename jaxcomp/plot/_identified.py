@@ -48,10 +48,16 @@ def _columns(found: Identification, quantity: str):
         for key in ("measured", "computed", "half_width", "used")
     )
     look = shown(quantity, unit, measured).drawn
-    error = found.error(quantity) * (100 if relative else look.factor if unit != "K" else 1)
-    label = (
-        "%" if relative else "K" if unit == "K" else look.label.rpartition(",")[2].strip() or "-"
-    )
+    if relative:
+        factor = 100.0
+        label = "%"
+    elif unit == "K":
+        factor = 1.0
+        label = "K"
+    else:
+        factor = look.factor
+        label = look.label.rpartition(",")[2].strip() or "-"
+    error = found.error(quantity) * factor
     return (
         look,
         look.of(measured),

@@ -272,7 +272,9 @@ def _row(row: DescribedValue) -> str:
 def _si(row: DescribedValue) -> str:
     if not isinstance(row.value, np.ndarray):
         word = str(row.value)
-        return "" if row.given is not None else word.lower() if word in ("True", "False") else word
+        if row.given is not None:
+            return ""
+        return word.lower() if word in ("True", "False") else word
     if row.value.ndim == 1 and row.value.size > 1 and np.all(row.value == row.value[0]):
         return f"{row.value.size} × {row.value[0]:.6g} {row.unit}".strip()
     text = np.array2string(row.value, precision=6, separator=", ", threshold=60)

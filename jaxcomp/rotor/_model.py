@@ -171,8 +171,13 @@ def subset_names(model: RotorModel) -> tuple[str, ...]:
     centres = [body.centre for body in model.bodies]
     names = []
     for group in subsets(model):
-        own = [str(c) for c in centres if c in group]
-        name = own[0] if own else ("rotor" if spinning & set(group) else f"line of {group[0]}")
+        named = [str(centre) for centre in centres if centre in group]
+        if named:
+            name = named[0]
+        elif spinning & set(group):
+            name = "rotor"
+        else:
+            name = f"line of {group[0]}"
         names.append(name if name not in names else f"{name} of {group[0]}")
     return tuple(names)
 

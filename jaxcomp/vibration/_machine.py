@@ -193,7 +193,9 @@ def rotor_modes(
     28.5 rad/s, rotor
     92.6 rad/s, housing
     """
-    speeds = [] if free else [spin_speeds, *([] if over is None else [over])]
+    speeds = [] if free else [spin_speeds]
+    if over is not None and not free:
+        speeds.append(over)
     model = rotor_at(machine, np.unique(np.concatenate(speeds)) if speeds else ())
     assert isinstance(model, RotorModel)
     found = tuple(

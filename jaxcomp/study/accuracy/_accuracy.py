@@ -105,7 +105,9 @@ def accuracy(
     if kind.unit is not None and name != kind.quantity:
         raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{kind.name}'")
     of_film = kind.name in ("film", "gradient") and name in FILM_QUANTITIES
-    unit = kind.unit if kind.unit is not None else "" if of_film else quantity_named(name).unit
+    unit = kind.unit
+    if unit is None:
+        unit = "" if of_film else quantity_named(name).unit
     if variable is not None and (not kind.varies or of_film):
         raise BadInput("variable", variable, f"absent for the study '{kind.name}' of {name}")
     if excitation is None:

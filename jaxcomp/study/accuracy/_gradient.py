@@ -52,7 +52,13 @@ def gradient_study(question: Question, thorough: bool) -> Study:
     derivative, crank = _Derivative(question, question.variable), question.compressor is not None
     solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
     settings: list[Setting] = []
-    for solver in (solvers if thorough else solvers[:1]) if crank else (None,):
+    if not crank:
+        tried = [None]
+    elif thorough:
+        tried = solvers
+    else:
+        tried = solvers[:1]
+    for solver in tried:
         settings += derivative.by_mode(solver, FINE_TOLERANCE)
         settings += derivative.by_differences(solver)
     if thorough and crank:
