@@ -9,6 +9,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -261,13 +262,14 @@ def print_tables(tables: Iterable[Any]) -> None:
         if not isinstance(table, Table):
             console.print(table, soft_wrap=typed)
             continue
-        # beside the table: within it they would wrap at its width
-        title, caption, table.title, table.caption = table.title, table.caption, None, None
-        if title:
-            console.print(f"[bold]{title}[/bold]", highlight=False)
-        console.print(fitted(table, console.width))
-        if caption:
-            console.print(f"[dim]{caption}[/dim]", highlight=False)
+        # beside the table: within it they would wrap at its width; a report still needs them in it
+        bare = copy(table)
+        bare.title = bare.caption = None
+        if table.title:
+            console.print(f"[bold]{table.title}[/bold]", highlight=False)
+        console.print(fitted(bare, console.width))
+        if table.caption:
+            console.print(f"[dim]{table.caption}[/dim]", highlight=False)
 
 
 # ------------------------------------------------------------------- JSON

@@ -10,9 +10,10 @@ from rich.markup import escape
 
 import jaxcomp as jc
 
-from .._core.display import RPM, axes_words, shown
+from .._core.display import RPM, ZERO_CELSIUS, axes_words, shown
 from ._tables import Markup, row_table, words
 
+_SIDES = ("compression", "tension")
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
 
@@ -29,6 +30,8 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     yield from _shaking(result)
     if "rod_load_reversal" in result:
         yield _reversals(result["rod_load_reversal"])
+    if result.get("api_618", {}).get("crosshead"):
+        yield from _api_618(result["api_618"])
     if result.get("film_thickness"):
         yield _journal_films(result)
     yield _convergence(result)
@@ -163,6 +166,90 @@ def _reversals(rods: dict[str, dict[str, float]]):
     ]
     heads = ("Rod load", ("Reversed for, °", ".4g"), ("Smaller side, %", ".3g"))
     return row_table("Load reversal (API 618: 15°, 3 %)", heads, rows)
+
+
+def _api_618(sheet: dict[str, Any]) -> Iterator[Any]:
+    """The page of API 618 as its data sheets head it: rods, ends of the cylinders, shaking."""
+    numbers = (("Bore, mm", ".4g"), ("Stroke, mm", ".4g"), ("Rod dia., mm", ".4g"))
+    numbers += (("Piston speed, m/s", ".3g"), ("Recip. weight, kg", ".4g"))
+    rows = [
+        (
+            str(throw["cylinder"]),
+            throw["bore"] * 1e3,
+            throw["stroke"] * 1e3,
+            throw["rod_diameter"] and throw["rod_diameter"] * 1e3,
+            throw["piston_speed"],
+            throw["reciprocating_mass"],
+        )
+        for throw in sheet["throws"]
+    ]
+    yield row_table("API 618, cylinder data", ("Throw", *numbers), rows)
+    yield _cylinder_ends(sheet["ends"])
+    yield _rod_loads(sheet["throws"])
+    names = {1: "Primary", 2: "Secondary"}
+    keys = ("force_x", "force_y", "couple_x", "couple_y")
+    # where the throws balance each other, rounding is left
+    force = max(throw["inertia_compression"] for throw in sheet["throws"])
+    couple = max(row[key] for row in sheet["unbalanced"] for key in keys[2:])
+    scales = (force, force, couple, couple)
+    rows = []
+    for row in sheet["unbalanced"]:
+        sizes = [row[key] for key in keys]
+        sizes = [
+            size if size > 1e-6 * scale else 0.0 for size, scale in zip(sizes, scales, strict=True)
+        ]
+        rows.append((names[row["order"]], *(size / 1e3 for size in sizes)))
+    heads = (("Force along x, kN", ".4g"), ("Force along y, kN", ".4g"))
+    heads += (("Couple about x, kN m", ".4g"), ("Couple about y, kN m", ".4g"))
+    yield row_table("API 618, unbalanced forces and couples", ("", *heads), rows)
+
+
+def _cylinder_ends(ends: list[dict[str, Any]]):
+    """Pressures, temperatures and volumes of the compressing ends."""
+    rows = [
+        (
+            f"{end['cylinder']}, {end['end']} end",
+            str(end["stage"]),
+            end["suction_pressure"] / 1e5,
+            end["discharge_pressure"] / 1e5,
+            end["pressure_ratio"],
+            end["inlet_temperature"] and end["inlet_temperature"] - ZERO_CELSIUS,
+            end["discharge_temperature"] and end["discharge_temperature"] - ZERO_CELSIUS,
+            60 * end["displacement"],
+            100 * end["clearance_ratio"],
+            100 * end["volumetric_efficiency"],
+        )
+        for end in ends
+    ]
+    numbers = (("Inlet pressure, bar", ".4g"), ("Disch. pressure, bar", ".4g"), ("Ratio", ".4g"))
+    numbers += (("Inlet temp., °C", ".4g"), ("Disch. temp., °C", ".4g"))
+    numbers += (("Piston displ., m³/min", ".4g"), ("Clearance, %", ".3g"), ("Vol. eff., %", ".4g"))
+    columns = ("Cylinder", "Stage", *numbers)
+    if all(end["inlet_temperature"] is None for end in ends):
+        columns = (*columns[:5], *columns[7:])
+        rows = [(*row[:5], *row[7:]) for row in rows]
+    return row_table("API 618, at the stated conditions", columns, rows)
+
+
+def _rod_loads(throws: list[dict[str, Any]]):
+    """Compression and tension of gas, inertia and both, and the reversal at the crosshead pin."""
+    loads = [f"{kind}_{side}" for kind in ("gas", "inertia", "combined") for side in _SIDES]
+    rows = [
+        (
+            str(throw["cylinder"]),
+            *(throw[load] / 1e3 for load in loads),
+            math.degrees(throw["reversal_angle"]),
+            100 * throw["reversal_share"],
+        )
+        for throw in throws
+    ]
+    heads = [
+        (f"{kind}, {side}", ".4g")
+        for kind in ("Gas", "Inertia", "Combined (gas + inertia)")
+        for side in ("comp.", "tens.")
+    ]
+    reversal = (("Rod reversal, ° min. at x-hd pin", ".4g"), ("Smaller side, %", ".3g"))
+    return row_table("API 618, rod load, kN", ("Throw", *heads, *reversal), rows)
 
 
 def _journal_films(result: dict[str, Any]):

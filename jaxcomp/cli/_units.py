@@ -56,6 +56,7 @@ _RESULTS: dict[str, tuple[str, ...]] = {
         "study.SteadyState",
         "vibration: vibration.BlockVibration",
         "torsion: crank.TrainTorques",
+        "api_618: study.ProcessSheet",
     ),
     "sensitivity": ("study.Sensitivity",),
     "simulate": ("crank.Transient",),

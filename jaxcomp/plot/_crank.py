@@ -23,7 +23,7 @@ from ..crankshaft import MainBearings
 from ..film import JournalBearing
 from ..friction import SliderCrankFriction
 from ..mechanism import SliderCrank, Vector
-from ..study import SteadyState
+from ..study import ProcessSheet, SteadyState
 from ..vibration import Suspension, shaking_wrench
 from . import _style as style
 from ._animate import machine_views
@@ -40,6 +40,8 @@ def steady_state_figures(found: SteadyState) -> dict[str, Figure]:
     """All pictures of a machine's periodic state by name; those of absent parts are left out."""
     parts: Any = found.machine.parts
     figures = orbit_figures(found.compressor, found.orbit, parts.get("suspension"))
+    if found.api_618 is not None and found.api_618.crosshead:
+        figures["rod_loads"] = rod_loads(found.api_618)
     if "torsion" in parts:
         train = parts["torsion"]
         figures["torsion"] = torsion_over_speed(found.compressor, found.orbit, train)
@@ -78,6 +80,25 @@ def orbit_figures(
 
 
 # ---------------------------------------------------------------- one revolution
+
+
+def rod_loads(sheet: ProcessSheet) -> Figure:
+    """Gas load, inertia and combined load along each rod, tension upwards."""
+    count = len(sheet.throws)
+    look = shown("force", "N", sheet.combined)
+    figure, axes = style.stacked(count, (7.2, 2.4 * count + 0.8), "Rod loads")
+    for number, ax in enumerate(axes):
+        curves = {
+            "gas": look.factor * sheet.gas[number],
+            "inertia": look.factor * sheet.inertia[number],
+            "combined": look.factor * sheet.combined[number],
+        }
+        several = f" of throw {number + 1}" if count > 1 else ""
+        label = f"Tension{several}, {look.unit}"
+        style.turn_curves(ax, sheet.crank_angle, curves, label, last=number + 1 == count)
+    style.note(figure, "Tension counts positive; friction and weights have no part.")
+    style.legend_above(axes[0])
+    return figure
 
 
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:

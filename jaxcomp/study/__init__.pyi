@@ -7,6 +7,7 @@ from ._analysis import DesignResult as DesignResult
 from ._analysis import available_quantities as available_quantities
 from ._analysis import balanced_design as balanced_design
 from ._analysis import registered as registered
+from ._api_618 import ProcessSheet as ProcessSheet
 from ._compared import Comparison as Comparison
 from ._compared import RodDrive as RodDrive
 from ._compared import compare as compare

@@ -30,6 +30,7 @@ from ..cylinder import Cycle
 from ..cylinder.interface import GRAZING
 from ..gas import DoubleActing, PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, rod_forces
 
 # What only some machines need is imported where they do: a start would take longer by a third.
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ class SteadyState(Result):
         moved_films: what journals with steady films would do if they moved, where it was asked for.
         vibration: of the suspended block; `None` without a suspension.
         torsion: of the crank train; `None` without one.
+        api_618: loads of the rods, ends of the cylinders and shaking, as data sheets have them; `None`
+            without connecting rods or gas.
     """
 
     machine: Machine
@@ -73,6 +76,7 @@ class SteadyState(Result):
     moved_films: dict[str, JournalFilm] | None = None
     vibration: "BlockVibration | None" = None
     torsion: TrainTorques | None = None
+    api_618: ProcessSheet | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
     nested_units: ClassVar[str] = """
@@ -126,6 +130,8 @@ class SteadyState(Result):
         for number, pressure in enumerate(() if behind is None else behind, 1):
             several = f".{number}" if len(behind) > 1 else ""
             yield Data(f"crank_end_pressure{several}", "Pa", pressure, at)
+        if self.api_618 is not None:
+            yield from self.api_618.curves()
 
     def nested(self) -> dict[str, Any]:
         """Quantities, works and losses, residuals, films, remarks; what the machine has."""
@@ -145,6 +151,7 @@ class SteadyState(Result):
             "moved_films": None if self.moved_films is None else moved,
             "vibration": self.vibration,
             "torsion": self.torsion,
+            "api_618": self.api_618,
         }
         return {
             **{_KEYS.get(name, name): value for name, value in self.quantities.items()},
@@ -193,7 +200,7 @@ def steady_state(
         raise BadInput("machine", "without a crank", "one with a mechanism")
     orbit = solve_orbit(compressor, solver, verify=verify) if orbit is None else orbit
     known = crank_quantities(design)
-    found = jax.device_get(_numbers(design, made, orbit, known))
+    *found, forces = jax.device_get(_numbers(design, made, orbit, known))
     quantities, numbers = jax.tree.map(float, found)
     margins = numbers.pop("turning_margins")
     # a compiled function returns its keys sorted; where no film has a thickness there is no least one
@@ -220,7 +227,13 @@ def steady_state(
         moved_films(compressor, orbit) if moving_films else None,
         None if suspension is None else _vibration(compressor, orbit, suspension),
         None if train is None else train_torques(compressor, orbit, train),
+        None if forces is None else process_sheet(compressor, _given_gas(design), orbit, forces),
     )
+
+
+def _given_gas(machine: Machine) -> Any:
+    """The gas as the machine has it, before stages have their pressures."""
+    return None if machine.compressor is None else machine.compressor.gas
 
 
 def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration":
@@ -240,7 +253,7 @@ def crank_quantities(machine: Machine) -> tuple[Quantity, ...]:
 @kept_jit
 def _numbers(
     machine: Machine, assembly: Assembly, orbit: Orbit, known: tuple[Quantity, ...]
-) -> tuple[dict[str, Any], dict[str, Any]]:
+) -> tuple[dict[str, Any], dict[str, Any], RodForces | None]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     from ._analysis import DesignResult
     from ._options import AnalysisOptions
@@ -252,7 +265,10 @@ def _numbers(
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing
     joints = dict.fromkeys(orbit.loads.forces, 0.0)
-    return offered_values(known, result), {
+    forces = None
+    if has_rod_forces(compressor):
+        forces = rod_forces(compressor, orbit, result.wrench)
+    numbers = {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
         "losses": {**joints, **energy.losses},
@@ -267,6 +283,7 @@ def _numbers(
         **({} if orbit.cycle is None else {"cycle_resolution": orbit.cycle.resolution}),
         "turning_margins": {} if orbit.cycle is None else orbit.cycle.turning_margins,
     }
+    return offered_values(known, result), numbers, forces
 
 
 def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:

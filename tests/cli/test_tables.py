@@ -7,6 +7,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
+from jaxcomp.cli._output import print_tables
 from jaxcomp.cli._run_tables import _power
 from jaxcomp.cli._tables import fitted, row_table
 from jaxcomp.crank.interface import POWER
@@ -28,6 +29,14 @@ def printed(width):
     console = Console(file=out, width=width)
     console.print(fitted(made(), width))
     return out.getvalue()
+
+
+def test_tables_keep_their_titles_for_the_report_when_they_are_printed(capsys):
+    table = row_table("Losses", ("Friction loss",), [("wall",)], caption="of all")
+    for _ in range(2):
+        print_tables([table])
+        assert "Losses" in capsys.readouterr().out
+    assert (table.title, table.caption) == ("Losses", "of all")
 
 
 @pytest.mark.parametrize("width", [20, 30, 40, 60, 80, 120])

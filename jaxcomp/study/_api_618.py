@@ -1,0 +1,370 @@
+r"""The page of API 618 of a machine with connecting rods: rod loads, ends of the cylinders, shaking.
+
+Along the piston rod, tension counted positive, act at the crosshead pin
+
+$$F_{gas} = -(p - p_{back})A, \qquad F_{inertia} = -m_{rec}\,\ddot x_p, \qquad F = F_{gas} + F_{inertia}$$
+
+with the pressure difference on the areas of the piston, its acceleration towards the head and all mass
+that goes to and fro with it: piston, rod, crosshead and pin (API 618, fifth edition 2007, definitions of
+gas load, inertia force and combined rod load). Friction and weights have no part in them. Of a trunk
+piston these are the loads of its pin.
+"""
+
+import dataclasses
+from collections.abc import Iterator
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from .._core.polynomials import gauss
+from .._core.results import Data, Result
+from ..compressor import Compressor, of_each_cylinder, piston_strokes
+from ..crank import Orbit
+from ..crank.interface import time_harmonics
+from ..cylinder import Cylinder
+from ..cylinder.interface import SeveralCycles
+from ..gas import DoubleActing, PolytropicCycle, StagedCycle
+from ..mechanism import CrankState, SliderCrank
+
+if TYPE_CHECKING:
+    from ..vibration import Wrench
+
+# Primary and secondary, as data sheets have them.
+ORDERS = (1, 2)
+# Points of each panel at which loads are looked at; parabolas through three of them leave 1e-9 of an
+# extreme.
+_POINTS = 65
+# [rad] Panels between kinks that coincide have less.
+_NO_WIDTH = 1e-9
+
+
+class RodForces(NamedTuple):
+    """Forces along the rods, tension positive, and the harmonics of the shaking.
+
+    Attributes:
+        gas, inertia: [N] (k, n) at the nodes of an orbit.
+        angle: [rad] (p, m) of many points on each panel, from edge to edge.
+        fine_gas, fine_inertia: [N] (k, p, m) there.
+        force: [N] (2, h) amplitudes of primary and secondary along x and y, complex.
+        couple: [N m] (2, h) about x and y, likewise.
+    """
+
+    gas: Float[Array, "k n"]
+    inertia: Float[Array, "k n"]
+    angle: Float[Array, "p m"]
+    fine_gas: Float[Array, "k p m"]
+    fine_inertia: Float[Array, "k p m"]
+    force: Complex[Array, "2 h"]
+    couple: Complex[Array, "2 h"]
+
+
+def has_rod_forces(compressor: Compressor) -> bool:
+    """Whether a machine has rods and a gas that loads them."""
+    return isinstance(compressor.mechanism, SliderCrank) and compressor.gas is not None
+
+
+def rod_forces(compressor: Compressor, orbit: Orbit, wrench: "Wrench") -> RodForces:
+    """Forces along the rods of a solved orbit, and what shakes the block.
+
+    Args:
+        compressor: with a slider-crank.
+        orbit: its periodic state.
+        wrench: of the moving parts at its nodes.
+    """
+    state = orbit.state
+    solved = orbit.under_gas(compressor)
+    gas, inertia = _along_rods(solved, state)
+    # Between the nodes the laws say what the gas does; the motion is the panels' polynomials.
+    rule, places = gauss(orbit.panel_nodes), np.linspace(0.0, 1.0, _POINTS)
+    edges = orbit.panel_edges
+    angle = edges[:-1, None] + orbit.panel_width[:, None] * places
+    through = rule.through(places).T
+    speed, rise = (
+        values.reshape(-1, orbit.panel_nodes) @ through
+        for values in (state.speed, state.acceleration)
+    )
+    fine = CrankState(angle.ravel(), speed.ravel(), rise.ravel())
+    fine_gas, fine_inertia = (load.reshape(-1, *angle.shape) for load in _along_rods(solved, fine))
+    duration = orbit.weight / state.speed
+    vectors = jnp.concatenate([wrench.force[:2], wrench.moment[:2]])
+    amplitudes, _ = time_harmonics(vectors, orbit.time, duration, max(ORDERS))
+    return RodForces(
+        gas=gas,
+        inertia=inertia,
+        angle=angle,
+        fine_gas=fine_gas,
+        fine_inertia=fine_inertia,
+        force=amplitudes[:2],
+        couple=amplitudes[2:],
+    )
+
+
+def _along_rods(
+    compressor: Compressor, state: CrankState
+) -> tuple[Float[Array, "k n"], Float[Array, "k n"]]:
+    """[N] Gas load and inertia along each rod, tension positive."""
+    each = of_each_cylinder(compressor, state.angle)
+    kinematics: Any = each.kinematics
+    acceleration = (
+        kinematics.position_1 * state.acceleration + kinematics.position_2 * state.speed**2
+    )
+    mechanism: Any = compressor.crankshaft.each(compressor.mechanism, state.angle)
+    return -each.gas_force, -mechanism.piston_mass * acceleration
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ProcessSheet(Result):
+    """What a data sheet of API 618 asks of a machine: its throws, the ends of its cylinders, its shaking.
+
+    Attributes:
+        crank_angle: [rad] (n,) of the machine.
+        gas, inertia, combined: [N] (k, n) loads along the rods, tension positive.
+        throws: one record for each rod.
+        ends: one record for each compressing end of a cylinder.
+        unbalanced: one record for each of primary and secondary.
+        crosshead: whether the rods have crossheads; the page is printed of such machines.
+    """
+
+    crank_angle: np.ndarray
+    gas: np.ndarray
+    inertia: np.ndarray
+    combined: np.ndarray
+    throws: tuple[dict[str, Any], ...]
+    ends: tuple[dict[str, Any], ...]
+    unbalanced: tuple[dict[str, Any], ...]
+    crosshead: bool
+
+    table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+    nested_units: ClassVar[str] = """
+        throws: cylinder; bore, stroke, rod_diameter [m]; piston_speed [m/s]; reciprocating_mass [kg]
+        throws: gas_compression, gas_tension, inertia_compression, inertia_tension [N]
+        throws: combined_compression, combined_tension [N]; reversal_angle [rad]; reversal_share
+        throws: combined_compression_at, combined_tension_at [rad]
+        ends: cylinder, stage; suction_pressure, discharge_pressure [Pa]; pressure_ratio
+        ends: inlet_temperature, discharge_temperature [K]; displacement [m^3/s]; clearance_ratio
+        ends: volumetric_efficiency
+        unbalanced: order; force_x, force_y [N]; couple_x, couple_y [N m]
+    """
+
+    def described(self) -> Iterator[Data]:
+        """The loads along the rods over the crank angle."""
+        yield Data("crank_angle", "rad", self.crank_angle, self.table_dims)
+        yield from self.curves()
+
+    def curves(self) -> Iterator[Data]:
+        """The loads along the rods, of several by their numbers."""
+        for kind in ("gas", "inertia", "combined"):
+            for number, load in enumerate(getattr(self, kind), 1):
+                several = f".{number}" if len(self.throws) > 1 else ""
+                words = "along the rod, tension positive"
+                yield Data(f"{kind}_rod_load{several}", "N", load, self.table_dims, words)
+
+    def nested(self) -> dict[str, Any]:
+        """Throws, ends and shaking by their names."""
+        return {
+            "crosshead": self.crosshead,
+            "throws": [dict(record) for record in self.throws],
+            "ends": [dict(record) for record in self.ends],
+            "unbalanced": [dict(record) for record in self.unbalanced],
+        }
+
+
+def process_sheet(
+    compressor: Compressor, given: Any, orbit: Orbit, forces: RodForces
+) -> ProcessSheet:
+    """The page of API 618 of a solved machine.
+
+    Args:
+        compressor: put together, with a slider-crank and gas.
+        given: the gas as the machine has it.
+        orbit: its periodic state.
+        forces: of `rod_forces`, as numbers.
+    """
+    gas, inertia = np.asarray(forces.gas), np.asarray(forces.inertia)
+    packed = getattr(compressor.friction, "packing", None) is not None
+    rod = getattr(compressor.gas, "rod_diameter", None)
+    return ProcessSheet(
+        crank_angle=np.asarray(orbit.state.angle),
+        gas=gas,
+        inertia=inertia,
+        combined=gas + inertia,
+        throws=tuple(_throws(compressor, orbit, forces)),
+        ends=tuple(_ends(compressor, given, orbit)),
+        unbalanced=tuple(_unbalanced(forces)),
+        crosshead=packed or rod is not None,
+    )
+
+
+# ------------------------------------------------------------------- loads along the rods
+class _Sampled(NamedTuple):
+    """A load at many angles, panel by panel.
+
+    Attributes:
+        angle: [rad] (panels, points) from edge to edge.
+        load: [N] (panels, points)
+    """
+
+    angle: np.ndarray
+    load: np.ndarray
+
+    def largest(self) -> tuple[float, float]:
+        """[N] The largest load, and [rad] where it is."""
+        panel, place = np.unravel_index(np.argmax(self.load), self.load.shape)
+        angles, loads = self.angle[panel], self.load[panel]
+        if place in (0, loads.size - 1):
+            return float(loads[place]), float(angles[place])
+        before, top, after = loads[place - 1 : place + 2]
+        bend = before - 2 * top + after
+        shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+        value = top - 0.25 * (before - after) * shift
+        return float(value), float(angles[place] + shift * (angles[1] - angles[0]))
+
+    def negative(self) -> "_Sampled":
+        """The load with the opposite sign."""
+        return _Sampled(self.angle, -self.load)
+
+    def tension_angle(self) -> float:
+        """[rad] Crank angle over which the load is tension: a straight line between points."""
+        step = np.diff(self.angle, axis=1)
+        first, second = self.load[:, :-1], self.load[:, 1:]
+        away = np.abs(first) + np.abs(second)
+        positive = np.maximum(first, 0) + np.maximum(second, 0)
+        share = np.divide(positive, away, out=np.zeros_like(away), where=away > 0)
+        return float(np.sum(step * share))
+
+
+def _throws(compressor: Compressor, orbit: Orbit, forces: RodForces) -> Iterator[dict[str, Any]]:
+    mechanism: Any = compressor.mechanism
+    count = len(forces.gas)
+    there = np.asarray(orbit.panel_width) > _NO_WIDTH
+    angle = np.asarray(forces.angle)[there]
+    _, strokes = piston_strokes(compressor)
+    rods = getattr(compressor.gas, "rod_diameter", None)
+    columns = (mechanism.bore, strokes, mechanism.piston_mass)
+    bores, strokes, masses = (np.broadcast_to(column, (count,)) for column in columns)
+    rods = np.broadcast_to(np.nan if rods is None else rods, (count,))
+    for number in range(count):
+        record: dict[str, Any] = {
+            "cylinder": number + 1,
+            "bore": float(bores[number]),
+            "stroke": float(strokes[number]),
+            "rod_diameter": float(rods[number]),
+            "piston_speed": float(strokes[number] * orbit.mean_speed / np.pi),
+            "reciprocating_mass": float(masses[number]),
+        }
+        loads = {
+            "gas": np.asarray(forces.fine_gas)[number, there],
+            "inertia": np.asarray(forces.fine_inertia)[number, there],
+        }
+        loads["combined"] = loads["gas"] + loads["inertia"]
+        for kind, load in loads.items():
+            sampled = _Sampled(angle, load)
+            compression, compression_at = sampled.negative().largest()
+            tension, tension_at = sampled.largest()
+            record[f"{kind}_compression"] = max(compression, 0.0)
+            record[f"{kind}_tension"] = max(tension, 0.0)
+            if kind == "combined":
+                record["combined_compression_at"] = _within_turn(compression_at)
+                record["combined_tension_at"] = _within_turn(tension_at)
+                pulled = sampled.tension_angle()
+                record["reversal_angle"] = min(pulled, 2 * np.pi - pulled)
+                sides = record["combined_compression"], record["combined_tension"]
+                record["reversal_share"] = min(sides) / max(*sides, 1e-300)
+        yield record
+
+
+def _within_turn(angle: float) -> float:
+    """[rad] From -pi to pi."""
+    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _unbalanced(forces: RodForces) -> Iterator[dict[str, Any]]:
+    sizes = np.abs(np.concatenate([np.asarray(forces.force), np.asarray(forces.couple)]))
+    for order in ORDERS:
+        names = ("force_x", "force_y", "couple_x", "couple_y")
+        column = sizes[:, order - 1].tolist()
+        yield {"order": order, **dict(zip(names, column, strict=True))}
+
+
+# ------------------------------------------------------------------- ends of the cylinders
+def _ends(compressor: Compressor, given: Any, orbit: Orbit) -> Iterator[dict[str, Any]]:
+    gas = compressor.gas
+    if isinstance(gas, DoubleActing | PolytropicCycle):
+        yield from _ideal_ends(compressor, given, orbit)
+    elif isinstance(given, Cylinder) and orbit.cycle is not None:
+        yield from _ends_with_valves(compressor, given, orbit)
+
+
+def _ideal_ends(compressor: Compressor, given: Any, orbit: Orbit) -> Iterator[dict[str, Any]]:
+    """Ends with ideal valves, whose gas is cooled to the inlet's temperature between the stages."""
+    gas: Any = compressor.gas
+    count = compressor.crankshaft.count
+    area, stroke = piston_strokes(compressor)
+    swept = np.broadcast_to(area * stroke, (count,))
+    cycles = {"head": (gas, swept)}
+    source = given
+    if isinstance(gas, DoubleActing):
+        rod = np.pi / 4 * np.asarray(gas.rod_diameter) ** 2 * np.asarray(stroke)
+        cycles = {"head": (gas.head_end, swept), "crank": (gas.crank_end, swept - rod)}
+        source = given.head_end if isinstance(given, DoubleActing) else given
+    stages = given.stages if isinstance(given, StagedCycle) else (1,) * count
+    warm = getattr(source, "inlet_temperature", None)
+    inlet = np.broadcast_to(np.nan if warm is None else np.ravel(warm)[0], (count,))
+    turns = float(orbit.mean_speed) / (2 * np.pi)
+    for number in range(count):
+        for end, (cycle, volume) in cycles.items():
+            low, high, exponent, clearance, filling = (
+                float(np.broadcast_to(getattr(cycle, name), (count,))[number])
+                for name in (
+                    "suction_pressure",
+                    "discharge_pressure",
+                    "exponent",
+                    "clearance_ratio",
+                    "filling",
+                )
+            )
+            yield {
+                "cylinder": number + 1,
+                "stage": int(stages[number]),
+                "end": end,
+                "suction_pressure": low,
+                "discharge_pressure": high,
+                "pressure_ratio": high / low,
+                "inlet_temperature": float(inlet[number]),
+                "discharge_temperature": float(inlet[number] * (high / low) ** (1 - 1 / exponent)),
+                "displacement": float(np.broadcast_to(volume, (count,))[number] * turns),
+                "clearance_ratio": clearance,
+                "volumetric_efficiency": filling,
+            }
+
+
+def _ends_with_valves(
+    compressor: Compressor, given: Cylinder, orbit: Orbit
+) -> Iterator[dict[str, Any]]:
+    """Head ends whose pressure was solved with the crank."""
+    count = compressor.crankshaft.count
+    area, stroke = piston_strokes(compressor)
+    swept = np.broadcast_to(area * stroke, (count,))
+    turns = float(orbit.mean_speed) / (2 * np.pi)
+    for number in range(count):
+        cycle: Any = orbit.cycle
+        if isinstance(cycle, SeveralCycles):
+            cycle = jax.tree.map(itemgetter(number), cycle.each)
+        low, high = float(cycle.case.suction.p), float(cycle.case.discharge.p)
+        yield {
+            "cylinder": number + 1,
+            "stage": 1,
+            "end": "head",
+            "suction_pressure": low,
+            "discharge_pressure": high,
+            "pressure_ratio": high / low,
+            "inlet_temperature": float(cycle.case.suction.T),
+            "discharge_temperature": float(cycle.discharge_temperature),
+            "displacement": float(swept[number] * turns),
+            "clearance_ratio": float(np.broadcast_to(given.clearance_ratio, (count,))[number]),
+            "volumetric_efficiency": float(cycle.volumetric_efficiency),
+        }
