@@ -184,7 +184,8 @@ def _api_618(sheet: dict[str, Any]) -> Iterator[Any]:
         for throw in sheet["throws"]
     ]
     yield row_table("API 618, cylinder data", ("Throw", *numbers), rows)
-    yield _cylinder_ends(sheet["ends"])
+    if sheet["ends"]:
+        yield _cylinder_ends(sheet["ends"])
     yield _rod_loads(sheet["throws"])
     names = {1: "Primary", 2: "Secondary"}
     keys = ("force_x", "force_y", "couple_x", "couple_y")
