@@ -394,6 +394,11 @@ COMMANDS = {
         "map r290-6cc --evaporating -10 --condensing 120", "condensing", "393.15", "369.89 K"
     ),
     "vibration without a rotor": _cli(f"respond {WBHE}", "[rotor]", "respond"),
+    "film by its author": _cli(
+        "bearing --diameter 30mm --length 25mm --clearance 15um --speed 3000rpm --load 2kN "
+        "--viscosity 10mPas --model ocvrik",
+        *("--model", "'ocvrik'", '"short"'),
+    ),
     "balance without a rotor": _cli(f"balance {WBHE}", "[rotor]", "balance"),
     "measurements that are not there": _cli("balance --measured runs.csv", "runs.csv"),
     "measurements without units": _cli("balance --measured bare.csv", "bare.csv", "speed [rpm]"),
