@@ -37,7 +37,7 @@ _NO_MASS = 1e-9
 
 
 class Places(eqx.Module):
-    """Where weights can go in one plane.
+    """Places for weights in one plane.
 
     Attributes:
         angles: [rad] (places,)

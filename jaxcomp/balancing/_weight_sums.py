@@ -158,7 +158,7 @@ class WeightSums:
         return np.bincount(self.choices.kind[list(picks)], minlength=self.choices.kind.max() + 1)
 
     def _centres(self, wanted: complex) -> np.ndarray:
-        """Where the list is looked at: what is wanted, less the first half of a pair."""
+        """Points at which the list is looked at: what is wanted, less the first half of a pair."""
         return wanted - self._list.values if self.paired else np.array([wanted])
 
 
@@ -233,7 +233,7 @@ def _listed(choices: Choices, most: int, limit: int) -> _Listed | None:
 
 
 def _growing(choices: Choices, number: int, last, here, used) -> np.ndarray:
-    """Which sums a choice may join."""
+    """Mask of the sums that a choice may join."""
     if last[0] < 0:
         fits = np.ones(last.size, bool)
     else:

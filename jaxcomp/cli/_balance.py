@@ -87,7 +87,7 @@ class Objective:
 
 @dataclass(frozen=True)
 class Setting:
-    """Where weights can go, and which there are."""
+    """Places and stock of weights."""
 
     places: Annotated[list[str] | None, typer.Option("--places")] = None
     stock: str | None = None

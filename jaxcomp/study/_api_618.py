@@ -118,7 +118,7 @@ def _along_rods(
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ProcessSheet(Result):
-    """What a data sheet of API 618 asks of a machine: its throws, the ends of its cylinders, its shaking.
+    """Data sheet of API 618 of a machine: its throws, the ends of its cylinders, its shaking.
 
     Attributes:
         crank_angle: [rad] (n,) of the machine.
