@@ -394,7 +394,7 @@ COMMANDS = {
         "map r290-6cc --evaporating -10 --condensing 120", "condensing", "393.15", "369.89 K"
     ),
     "vibration without a rotor": _cli(f"respond {WBHE}", "[rotor]", "respond"),
-    "film by its author": _cli(
+    "film by its misspelt author": _cli(
         "bearing --diameter 30mm --length 25mm --clearance 15um --speed 3000rpm --load 2kN "
         "--viscosity 10mPas --model ocvrik",
         *("--model", "'ocvrik'", '"short"'),
