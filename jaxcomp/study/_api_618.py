@@ -12,7 +12,6 @@ piston these are the loads of its pin.
 
 import dataclasses
 from collections.abc import Iterator
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import jax
@@ -25,7 +24,7 @@ from .._core.results import Data, Result
 from ..compressor import Compressor, of_each_cylinder, piston_strokes
 from ..crank import Orbit
 from ..crank.interface import time_harmonics
-from ..cylinder import Cylinder
+from ..cylinder import Cycle, Cylinder
 from ..cylinder.interface import SeveralCycles
 from ..gas import DoubleActing, PolytropicCycle, StagedCycle
 from ..mechanism import CrankState, SliderCrank
@@ -43,7 +42,9 @@ _NO_WIDTH = 1e-9
 
 
 class RodForces(NamedTuple):
-    """Forces along the rods, tension positive, and the harmonics of the shaking.
+    """Forces along the rods, tension positive, the harmonics of the shaking and what else a page has.
+
+    All of it is one program with the other numbers of a periodic state.
 
     Attributes:
         gas, inertia: [N] (k, n) at the nodes of an orbit.
@@ -51,6 +52,9 @@ class RodForces(NamedTuple):
         fine_gas, fine_inertia: [N] (k, p, m) there.
         force: [N] (2, h) amplitudes of primary and secondary along x and y, complex.
         couple: [N m] (2, h) about x and y, likewise.
+        width: [rad] (p,) of the panels.
+        throws: dimensions of each throw by their names in `ProcessSheet.throws`, each (k,).
+        ends: what each end of the cylinders has, by end and its names in `ProcessSheet.ends`, each (k,).
     """
 
     gas: Float[Array, "k n"]
@@ -60,6 +64,9 @@ class RodForces(NamedTuple):
     fine_inertia: Float[Array, "k p m"]
     force: Complex[Array, "2 h"]
     couple: Complex[Array, "2 h"]
+    width: Float[Array, " p"]
+    throws: dict[str, Float[Array, " k"]]
+    ends: dict[str, dict[str, Float[Array, " k"]]]
 
 
 def has_rod_forces(compressor: Compressor) -> bool:
@@ -67,11 +74,12 @@ def has_rod_forces(compressor: Compressor) -> bool:
     return isinstance(compressor.mechanism, SliderCrank) and compressor.gas is not None
 
 
-def rod_forces(compressor: Compressor, orbit: Orbit, wrench: "Wrench") -> RodForces:
+def rod_forces(compressor: Compressor, given: Any, orbit: Orbit, wrench: "Wrench") -> RodForces:
     """Forces along the rods of a solved orbit, and what shakes the block.
 
     Args:
-        compressor: with a slider-crank.
+        compressor: put together, with a slider-crank and gas.
+        given: the gas as the machine has it, before stages have their pressures.
         orbit: its periodic state.
         wrench: of the moving parts at its nodes.
     """
@@ -100,6 +108,9 @@ def rod_forces(compressor: Compressor, orbit: Orbit, wrench: "Wrench") -> RodFor
         fine_inertia=fine_inertia,
         force=amplitudes[:2],
         couple=amplitudes[2:],
+        width=orbit.panel_width,
+        throws=_dimensions(compressor, orbit),
+        ends=_ends(compressor, given, orbit),
     )
 
 
@@ -114,6 +125,91 @@ def _along_rods(
     )
     mechanism: Any = compressor.crankshaft.each(compressor.mechanism, state.angle)
     return -each.gas_force, -mechanism.piston_mass * acceleration
+
+
+def _dimensions(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array, " k"]]:
+    """Dimensions of each throw."""
+    mechanism: Any = compressor.mechanism
+    _, stroke = piston_strokes(compressor)
+    rod = getattr(compressor.gas, "rod_diameter", None)
+    columns = {
+        "bore": mechanism.bore,
+        "stroke": stroke,
+        "rod_diameter": jnp.nan if rod is None else rod,
+        "piston_speed": stroke * orbit.mean_speed / jnp.pi,
+        "reciprocating_mass": mechanism.piston_mass,
+    }
+    return _of_cylinders(compressor, columns)
+
+
+def _of_cylinders(compressor: Compressor, columns: dict[str, Any]) -> dict[str, Any]:
+    """Numbers of all cylinders, or of each, as one of each (k,)."""
+    shape = (compressor.crankshaft.count,)
+    return {name: jnp.broadcast_to(value, shape) for name, value in columns.items()}
+
+
+def _ends(
+    compressor: Compressor, given: Any, orbit: Orbit
+) -> dict[str, dict[str, Float[Array, " k"]]]:
+    """What each end of the cylinders has; nothing of gases that have no valves."""
+    gas: Any = compressor.gas
+    area, stroke = piston_strokes(compressor)
+    turns = orbit.mean_speed / (2 * jnp.pi)
+    displacement = area * stroke * turns
+    if isinstance(gas, PolytropicCycle):
+        ends = {"head": _ideal_end(gas, given, displacement)}
+    elif isinstance(gas, DoubleActing):
+        source = given.head_end if isinstance(given, DoubleActing) else given
+        rod = jnp.pi / 4 * gas.rod_diameter**2 * stroke * turns
+        ends = {
+            "head": _ideal_end(gas.head_end, source, displacement),
+            "crank": _ideal_end(gas.crank_end, source, displacement - rod),
+        }
+    elif isinstance(given, Cylinder) and orbit.cycle is not None:
+        ends = {"head": _end_with_valves(given, orbit.cycle, displacement)}
+    else:
+        return {}
+    stages = given.stages if isinstance(given, StagedCycle) else 1
+    return {
+        name: _of_cylinders(compressor, {"stage": jnp.asarray(stages, float), **columns})
+        for name, columns in ends.items()
+    }
+
+
+def _ideal_end(cycle: PolytropicCycle, source: Any, displacement) -> dict[str, Any]:
+    """An end with ideal valves, whose gas is cooled to the inlet's temperature between the stages."""
+    warm = getattr(source, "inlet_temperature", None)
+    # of several lines the first cylinder's gas
+    inlet = jnp.nan if warm is None else jnp.ravel(warm)[0]
+    ratio = cycle.discharge_pressure / cycle.suction_pressure
+    return {
+        "suction_pressure": cycle.suction_pressure,
+        "discharge_pressure": cycle.discharge_pressure,
+        "pressure_ratio": ratio,
+        "inlet_temperature": inlet,
+        "discharge_temperature": inlet * ratio ** (1 - 1 / cycle.exponent),
+        "displacement": displacement,
+        "clearance_ratio": cycle.clearance_ratio,
+        "volumetric_efficiency": cycle.filling,
+    }
+
+
+def _end_with_valves(given: Cylinder, cycle: Cycle | SeveralCycles, displacement) -> dict[str, Any]:
+    """A head end whose pressure was solved with the crank."""
+
+    def numbers(cycle: Cycle):
+        low, high = cycle.case.suction, cycle.case.discharge
+        return {
+            "suction_pressure": low.p,
+            "discharge_pressure": high.p,
+            "pressure_ratio": high.p / low.p,
+            "inlet_temperature": low.T,
+            "discharge_temperature": cycle.discharge_temperature,
+            "volumetric_efficiency": cycle.volumetric_efficiency,
+        }
+
+    each = jax.vmap(numbers)(cycle.each) if isinstance(cycle, SeveralCycles) else numbers(cycle)
+    return {**each, "displacement": displacement, "clearance_ratio": given.clearance_ratio}
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -173,30 +269,36 @@ class ProcessSheet(Result):
         }
 
 
-def process_sheet(
-    compressor: Compressor, given: Any, orbit: Orbit, forces: RodForces
-) -> ProcessSheet:
+def process_sheet(compressor: Compressor, orbit: Orbit, forces: RodForces) -> ProcessSheet:
     """The page of API 618 of a solved machine.
 
     Args:
         compressor: put together, with a slider-crank and gas.
-        given: the gas as the machine has it.
         orbit: its periodic state.
         forces: of `rod_forces`, as numbers.
     """
-    gas, inertia = np.asarray(forces.gas), np.asarray(forces.inertia)
     packed = getattr(compressor.friction, "packing", None) is not None
     rod = getattr(compressor.gas, "rod_diameter", None)
     return ProcessSheet(
         crank_angle=np.asarray(orbit.state.angle),
-        gas=gas,
-        inertia=inertia,
-        combined=gas + inertia,
-        throws=tuple(_throws(compressor, orbit, forces)),
-        ends=tuple(_ends(compressor, given, orbit)),
+        gas=forces.gas,
+        inertia=forces.inertia,
+        combined=forces.gas + forces.inertia,
+        throws=tuple(_throws(forces)),
+        ends=tuple(_rows_of_ends(forces)),
         unbalanced=tuple(_unbalanced(forces)),
         crosshead=packed or rod is not None,
     )
+
+
+def _rows_of_ends(forces: RodForces) -> Iterator[dict[str, Any]]:
+    for number in range(len(forces.gas)):
+        # a compiled function returns its keys sorted
+        for end in [name for name in ("head", "crank") if name in forces.ends]:
+            columns = forces.ends[end]
+            numbers = {name: float(column[number]) for name, column in columns.items()}
+            stage = int(numbers.pop("stage"))
+            yield {"cylinder": number + 1, "stage": stage, "end": end, **numbers}
 
 
 # ------------------------------------------------------------------- loads along the rods
@@ -237,28 +339,15 @@ class _Sampled(NamedTuple):
         return float(np.sum(step * share))
 
 
-def _throws(compressor: Compressor, orbit: Orbit, forces: RodForces) -> Iterator[dict[str, Any]]:
-    mechanism: Any = compressor.mechanism
-    count = len(forces.gas)
-    there = np.asarray(orbit.panel_width) > _NO_WIDTH
-    angle = np.asarray(forces.angle)[there]
-    _, strokes = piston_strokes(compressor)
-    rods = getattr(compressor.gas, "rod_diameter", None)
-    columns = (mechanism.bore, strokes, mechanism.piston_mass)
-    bores, strokes, masses = (np.broadcast_to(column, (count,)) for column in columns)
-    rods = np.broadcast_to(np.nan if rods is None else rods, (count,))
-    for number in range(count):
-        record: dict[str, Any] = {
-            "cylinder": number + 1,
-            "bore": float(bores[number]),
-            "stroke": float(strokes[number]),
-            "rod_diameter": float(rods[number]),
-            "piston_speed": float(strokes[number] * orbit.mean_speed / np.pi),
-            "reciprocating_mass": float(masses[number]),
-        }
+def _throws(forces: RodForces) -> Iterator[dict[str, Any]]:
+    there = forces.width > _NO_WIDTH
+    angle = forces.angle[there]
+    for number in range(len(forces.gas)):
+        record: dict[str, Any] = {"cylinder": number + 1}
+        record |= {name: float(column[number]) for name, column in forces.throws.items()}
         loads = {
-            "gas": np.asarray(forces.fine_gas)[number, there],
-            "inertia": np.asarray(forces.fine_inertia)[number, there],
+            "gas": forces.fine_gas[number, there],
+            "inertia": forces.fine_inertia[number, there],
         }
         loads["combined"] = loads["gas"] + loads["inertia"]
         for kind, load in loads.items():
@@ -283,88 +372,8 @@ def _within_turn(angle: float) -> float:
 
 
 def _unbalanced(forces: RodForces) -> Iterator[dict[str, Any]]:
-    sizes = np.abs(np.concatenate([np.asarray(forces.force), np.asarray(forces.couple)]))
+    sizes = np.abs(np.concatenate([forces.force, forces.couple]))
     for order in ORDERS:
         names = ("force_x", "force_y", "couple_x", "couple_y")
         column = sizes[:, order - 1].tolist()
         yield {"order": order, **dict(zip(names, column, strict=True))}
-
-
-# ------------------------------------------------------------------- ends of the cylinders
-def _ends(compressor: Compressor, given: Any, orbit: Orbit) -> Iterator[dict[str, Any]]:
-    gas = compressor.gas
-    if isinstance(gas, DoubleActing | PolytropicCycle):
-        yield from _ideal_ends(compressor, given, orbit)
-    elif isinstance(given, Cylinder) and orbit.cycle is not None:
-        yield from _ends_with_valves(compressor, given, orbit)
-
-
-def _ideal_ends(compressor: Compressor, given: Any, orbit: Orbit) -> Iterator[dict[str, Any]]:
-    """Ends with ideal valves, whose gas is cooled to the inlet's temperature between the stages."""
-    gas: Any = compressor.gas
-    count = compressor.crankshaft.count
-    area, stroke = piston_strokes(compressor)
-    swept = np.broadcast_to(area * stroke, (count,))
-    cycles = {"head": (gas, swept)}
-    source = given
-    if isinstance(gas, DoubleActing):
-        rod = np.pi / 4 * np.asarray(gas.rod_diameter) ** 2 * np.asarray(stroke)
-        cycles = {"head": (gas.head_end, swept), "crank": (gas.crank_end, swept - rod)}
-        source = given.head_end if isinstance(given, DoubleActing) else given
-    stages = given.stages if isinstance(given, StagedCycle) else (1,) * count
-    warm = getattr(source, "inlet_temperature", None)
-    inlet = np.broadcast_to(np.nan if warm is None else np.ravel(warm)[0], (count,))
-    turns = float(orbit.mean_speed) / (2 * np.pi)
-    for number in range(count):
-        for end, (cycle, volume) in cycles.items():
-            low, high, exponent, clearance, filling = (
-                float(np.broadcast_to(getattr(cycle, name), (count,))[number])
-                for name in (
-                    "suction_pressure",
-                    "discharge_pressure",
-                    "exponent",
-                    "clearance_ratio",
-                    "filling",
-                )
-            )
-            yield {
-                "cylinder": number + 1,
-                "stage": int(stages[number]),
-                "end": end,
-                "suction_pressure": low,
-                "discharge_pressure": high,
-                "pressure_ratio": high / low,
-                "inlet_temperature": float(inlet[number]),
-                "discharge_temperature": float(inlet[number] * (high / low) ** (1 - 1 / exponent)),
-                "displacement": float(np.broadcast_to(volume, (count,))[number] * turns),
-                "clearance_ratio": clearance,
-                "volumetric_efficiency": filling,
-            }
-
-
-def _ends_with_valves(
-    compressor: Compressor, given: Cylinder, orbit: Orbit
-) -> Iterator[dict[str, Any]]:
-    """Head ends whose pressure was solved with the crank."""
-    count = compressor.crankshaft.count
-    area, stroke = piston_strokes(compressor)
-    swept = np.broadcast_to(area * stroke, (count,))
-    turns = float(orbit.mean_speed) / (2 * np.pi)
-    for number in range(count):
-        cycle: Any = orbit.cycle
-        if isinstance(cycle, SeveralCycles):
-            cycle = jax.tree.map(itemgetter(number), cycle.each)
-        low, high = float(cycle.case.suction.p), float(cycle.case.discharge.p)
-        yield {
-            "cylinder": number + 1,
-            "stage": 1,
-            "end": "head",
-            "suction_pressure": low,
-            "discharge_pressure": high,
-            "pressure_ratio": high / low,
-            "inlet_temperature": float(cycle.case.suction.T),
-            "discharge_temperature": float(cycle.discharge_temperature),
-            "displacement": float(swept[number] * turns),
-            "clearance_ratio": float(np.broadcast_to(given.clearance_ratio, (count,))[number]),
-            "volumetric_efficiency": float(cycle.volumetric_efficiency),
-        }

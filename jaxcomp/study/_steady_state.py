@@ -227,13 +227,8 @@ def steady_state(
         moved_films(compressor, orbit) if moving_films else None,
         None if suspension is None else _vibration(compressor, orbit, suspension),
         None if train is None else train_torques(compressor, orbit, train),
-        None if forces is None else process_sheet(compressor, _given_gas(design), orbit, forces),
+        None if forces is None else process_sheet(compressor, orbit, forces),
     )
-
-
-def _given_gas(machine: Machine) -> Any:
-    """The gas as the machine has it, before stages have their pressures."""
-    return None if machine.compressor is None else machine.compressor.gas
 
 
 def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration":
@@ -267,7 +262,9 @@ def _numbers(
     joints = dict.fromkeys(orbit.loads.forces, 0.0)
     forces = None
     if has_rod_forces(compressor):
-        forces = rod_forces(compressor, orbit, result.wrench)
+        # stages have their pressures in the compressor that was put together
+        given = None if machine.compressor is None else machine.compressor.gas
+        forces = rod_forces(compressor, given, orbit, result.wrench)
     numbers = {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
