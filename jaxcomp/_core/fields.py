@@ -159,6 +159,16 @@ class Part(eqx.Module):
         """The nearest part that keeps the rules of `conditions`; only called on traced values."""
         return self
 
+    @classmethod
+    def written(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Entries of a section of a machine file; a class may read what has another form there."""
+        return table
+
+    @classmethod
+    def of_entries(cls, **entries: Any) -> "Part":
+        """The part that these entries of a section describe, which a class may leave to another."""
+        return cls(**entries)
+
     def __check_init__(self):
         for name, field in quantities(self):
             value, declared = getattr(self, name), field.metadata

@@ -19,6 +19,8 @@ def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
         yield head + type(thing).__name__
         for field in dataclasses.fields(thing):
             value = getattr(thing, field.name)
+            if not field.repr:  # tables that follow from the other fields
+                continue
             if "unit" in field.metadata and value is not None:
                 look = shown(field.name, field.metadata["unit"], value)
                 numbers = np.asarray(value)

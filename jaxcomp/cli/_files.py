@@ -18,6 +18,7 @@ from .._core.files import write_whole
 from .._core.registry import Quantity, registered
 from .._core.words import did_you_mean
 from . import _options as opt
+from ._fluids import list_fluid, list_fluids
 from ._output import show_results
 from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
@@ -133,6 +134,7 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
 # ------------------------------------------------------------------- list
 def list_machines(
     machine: Annotated[str | None, typer.Argument(autocompletion=opt.complete_machine)] = None,
+    fluid: Annotated[str | None, typer.Argument()] = None,
     quantities: bool = False,
     variables: bool = False,
     as_json: Annotated[bool, typer.Option("--json")] = False,
@@ -140,19 +142,25 @@ def list_machines(
     """List the bundled machines, the fluids, the quantities, or what one machine has.
 
     Example: [bold]jaxcomp list mayekawa-wbhe[/bold], [bold]jaxcomp list fluids[/bold], [bold]jaxcomp
-    list --quantities[/bold], [bold]jaxcomp list --variables mayekawa-wbhe[/bold]
+    list --quantities[/bold], [bold]jaxcomp list --variables mayekawa-wbhe[/bold], [bold]jaxcomp list
+    fluids R455A[/bold]
 
     Args:
         machine: Bundled machine or machine file whose values and sources to show, or `fluids`.
+        fluid: Behind `fluids`: the one whose composition, pairs and sources to show.
         quantities: Quantities that studies know, with unit and meaning; of a machine joint by joint.
         variables: Numbers of a machine that studies can change, and design rules.
         as_json: Print one JSON object instead of a table.
     """
     if variables and (machine is None or quantities):
         raise CommandError("--variables: needs a machine, and goes without --quantities")
+    if fluid is not None and (machine != "fluids" or quantities):
+        raise CommandError(f"list {machine} {fluid}: a second name stands behind `fluids` alone")
     if machine == "fluids" and not quantities:
-        found, table = _fluids()
-    elif machine is not None:
+        found, tables = list_fluids() if fluid is None else list_fluid(fluid)
+        show_results(found, tables, as_json)
+        return
+    if machine is not None:
         scene = _known_scene(machine)
         listed = _values
         if quantities:
@@ -170,17 +178,6 @@ def _machines() -> tuple[dict[str, Any], Table]:
     rows = ((bold(one.name), one.description) for one in known)
     table = _word_table("Bundled machines", ("Name", "Description"), rows)
     return {"machines": known}, table
-
-
-def _fluids() -> tuple[dict[str, Any], Table]:
-    from ..fluid import fluids
-    from ..fluid.interface import fluid_data
-
-    keys = ("name", "description", "source", "licence")
-    found = [{key: data[key] for key in keys} for data in map(fluid_data, fluids())]
-    rows = ((bold(one["name"]), one["description"], one["source"]) for one in found)
-    table = _word_table("Fluids", ("Name", "What it is", "Equation of state"), rows)
-    return {"fluids": found}, table
 
 
 def _known_scene(machine: str) -> jc.scene.Scene:

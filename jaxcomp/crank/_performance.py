@@ -54,7 +54,7 @@ class Performance(Result, eqx.Module):
         yield Data("electric_power", "W", self.electric_power)
         for name in ("motor_efficiency", "overall_efficiency"):
             yield Data(name, "", getattr(self, name))
-        if self.orbit.cycle and hasattr(self.orbit.cycle.case.cylinder.fluid, "saturation"):
+        if self.orbit.cycle and has_dew_line(self.orbit.cycle.case.cylinder.fluid):
             yield Data("cop", "", self.cop)
         for cause, value in self.power.items():
             yield Data(f"power_use.{cause}", "W", value)

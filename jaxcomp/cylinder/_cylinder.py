@@ -12,7 +12,8 @@ from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, replaced
 from .._core.polynomials import gauss, legendre_columns
-from ..fluid import AbstractFluid, GasState, RealGas
+from ..fluid import AbstractFluid, AbstractRealGas, GasState
+from ..fluid.interface import has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
@@ -164,10 +165,10 @@ def _dew(fluid: AbstractFluid, pressure, saturated):
     """[K] Dew temperature of a line; that of a perfect gas is far below all its temperatures."""
     if saturated is not None:
         return saturated
-    return fluid.dew_temperature(pressure) if isinstance(fluid, RealGas) else 0.0
+    return fluid.dew_temperature(pressure) if has_dew_line(fluid) else 0.0
 
 
-def _bubble(fluid: RealGas, pressure, saturated):
+def _bubble(fluid: AbstractRealGas, pressure, saturated):
     """[K] Bubble temperature at the pressure of a line, or at that of its dew temperature."""
     if not fluid.has_glide:
         return _dew(fluid, pressure, saturated)
@@ -176,11 +177,11 @@ def _bubble(fluid: RealGas, pressure, saturated):
 
 def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid, line = cylinder.fluid, cylinder.suction
-    if isinstance(fluid, RealGas) and line.evaporating is not None:
+    if has_dew_line(fluid) and line.evaporating is not None:
         inside = Bound(fluid.temperature_range[0], fluid.critical_temperature, high_open=True)
         yield _Limit("suction.evaporating", line.evaporating, inside, "K", _critical(fluid))
-    if isinstance(fluid, RealGas) and line.superheat is not None and line.pressure is not None:
-        most = float(fluid.dew_pressure(fluid.critical_temperature))
+    if has_dew_line(fluid) and line.superheat is not None and line.pressure is not None:
+        most = fluid.critical_pressure
         why = f"the critical pressure of {fluid.name}, as gas has no superheat above it"
         yield _Limit("suction.pressure", line.pressure, Bound(0.0, most, True, True), "Pa", why)
 
@@ -200,13 +201,13 @@ def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid, (suction, discharge) = cylinder.fluid, (cylinder.suction, cylinder.discharge)
     dew = _dew(fluid, suction.pressure, suction.evaporating)
-    if isinstance(fluid, RealGas) and discharge.condensing is not None:
+    if has_dew_line(fluid) and discharge.condensing is not None:
         inside = Bound(dew, fluid.critical_temperature, True, True)
         why = f"between the evaporating temperature and {_critical(fluid)}"
         yield _Limit("discharge.condensing", discharge.condensing, inside, "K", why)
     if discharge.pressure is not None:
         pressure = suction.pressure
-        if pressure is None and isinstance(fluid, RealGas):
+        if pressure is None and has_dew_line(fluid):
             pressure = fluid.dew_pressure(suction.evaporating)
         if pressure is not None:
             inside = Bound(pressure, np.inf, low_open=True)
@@ -223,7 +224,7 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         inside = Bound(tools.maximum(low, least), high)
         why = f"dew temperature and range of {_name(fluid)}"
         yield _Limit("discharge.temperature", line.temperature, inside, "K", why)
-    if not isinstance(fluid, RealGas):
+    if not has_dew_line(fluid):
         return
     boiling = _bubble(fluid, line.pressure, line.condensing)
     if line.liquid_temperature is not None:
@@ -256,10 +257,10 @@ _RULES: tuple[Callable[[Cylinder], Iterator[_Limit]], ...] = (
 
 
 def _name(fluid: AbstractFluid) -> str:
-    return fluid.name if isinstance(fluid, RealGas) else "the perfect gas"
+    return fluid.name if isinstance(fluid, AbstractRealGas) else "the perfect gas"
 
 
-def _critical(fluid: RealGas) -> str:
+def _critical(fluid: AbstractRealGas) -> str:
     return f"the critical temperature of {fluid.name}"
 
 

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
-from ..fluid import AbstractFluid, GasState, RealGas
+from ..fluid import AbstractFluid, GasState
+from ..fluid.interface import has_dew_line
 from ._plenum import Plenum
 from .suction_warming import SuctionWarming
 
@@ -126,8 +127,8 @@ class DischargeLine(Part):
         Raises:
             TypeError: a perfect gas, which has no liquid.
         """
-        if not isinstance(fluid, RealGas):
-            raise TypeError("a cooling capacity needs a real gas.")
+        if not has_dew_line(fluid):
+            raise TypeError("a cooling capacity needs a real gas with a dew line.")
         pressure, temperature = self.pressure, self.liquid_temperature
         if pressure is None or temperature is None:
             saturated = fluid.saturation(self.condensing, pressure)
@@ -153,8 +154,8 @@ class DischargeLine(Part):
 def _pressure(fluid, pressure, dew, superheat=None):
     """Pressure and dew temperature; the latter only where it is needed."""
     if pressure is None or superheat is not None:
-        if not isinstance(fluid, RealGas):
-            raise ValueError("a rating point by dew temperatures needs a real gas.")
+        if not has_dew_line(fluid):
+            raise ValueError("a rating point by dew temperatures needs a real gas with a dew line.")
         found = fluid.saturation(p=pressure) if pressure is not None else fluid.saturation(T=dew)
         return found.p, found.T
     return pressure, None

@@ -1,7 +1,9 @@
-"""Fluids: the perfect gas, and real gases by their Helmholtz energy."""
+"""Fluids: the perfect gas, real gases by their Helmholtz energy, and mixtures of these."""
 
 from ._base import AbstractFluid as AbstractFluid
 from ._base import GasState as GasState
 from ._helmholtz import fluids as fluids
+from ._real import AbstractRealGas as AbstractRealGas
+from .mixture import Mixture as Mixture
 from .perfect_gas import PerfectGas as PerfectGas
 from .real_gas import RealGas as RealGas

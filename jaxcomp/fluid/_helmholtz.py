@@ -10,6 +10,7 @@ those of these sums. Coefficients: `data/`, each file with its source.
 """
 
 import json
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -21,6 +22,9 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.words import nearest
+
+# What an unknown name is answered with; all are too many for a sentence.
+_USUAL = ("R134a", "R22", "R290", "R32", "R410A", "R600a", "R717", "R744", "air", "nitrogen")
 
 
 class Saturation(NamedTuple):
@@ -43,7 +47,8 @@ class Saturation(NamedTuple):
 
 def fluids() -> list[str]:
     """Names of the fluids in the library."""
-    return sorted(f.name[:-5] for f in files(__package__).joinpath("data").iterdir())
+    entries = files(__package__).joinpath("data").iterdir()
+    return sorted(entry.name[:-5] for entry in entries if entry.name.endswith(".json"))
 
 
 @cache
@@ -56,20 +61,24 @@ def fluid_data(name: str) -> dict:
     path = files(__package__).joinpath("data", f"{name}.json")
     if not path.is_file():
         raise BadInput("name", f'"{name}"', _known(name))
-    return _arrays(json.loads(path.read_text()))
+    return arrays(json.loads(path.read_text()))
 
 
 def _known(name: str) -> str:
     """The fluids as the bound of a name, with the one that is near by its name or its chemical name."""
-    spelt = {fluid.lower(): fluid for fluid in fluids()}
+    blends = files(__package__).joinpath("data", "mixtures", "blends.json")
+    spelt = {blend.lower(): blend for blend in json.loads(blends.read_text())}
+    spelt |= {fluid.lower(): fluid for fluid in fluids()}
     spelt |= {fluid_data(fluid)["description"]: fluid for fluid in fluids()}
     near = spelt.get(nearest(name.lower(), spelt) or "")
-    return f"one of {', '.join(fluids())}" + (f' (did you mean "{near}"?)' if near else "")
+    others = f"{len(fluids()) - len(_USUAL)} others, which `jaxcomp list fluids` names, or a blend"
+    return f"one of {', '.join(_USUAL)}, {others}" + (f' (did you mean "{near}"?)' if near else "")
 
 
-def _arrays(tree: Any) -> Any:
+def arrays(tree: Any) -> Any:
+    """A tree of a data file with its lists of numbers as arrays."""
     if isinstance(tree, dict):
-        return {key: _arrays(value) for key, value in tree.items()}
+        return {key: arrays(value) for key, value in tree.items()}
     return np.array(tree, float) if isinstance(tree, list) else tree
 
 
@@ -80,12 +89,17 @@ def saturation_curve(name: str, line: str = "dew") -> tuple[np.ndarray, np.ndarr
     curve = data[f"{line}_pressure"]
     # Even in 1/T, over which the logarithm of the pressure is nearly straight.
     T = 1 / np.linspace(1 / data["T_least"], 1 / data["T_critical"], 400)
-    theta = np.maximum(1 - T / curve["T_r"], 0.0)[:, None]
-    total = np.sum(curve["n"] * theta ** curve["t"], axis=1)
+    return T, np.log(ancillary_pressure(curve, T))
+
+
+def ancillary_pressure(curve: dict, T) -> np.ndarray:
+    """[Pa] of an ancillary curve at known temperatures [K], at most its critical one."""
+    theta = np.maximum(1 - np.asarray(T) / curve["T_r"], 0.0)[..., None]
+    total = np.sum(curve["n"] * theta ** curve["t"], axis=-1)
     if curve["form"] == "sum":
-        return T, np.log(curve["reducing_value"] * (1 + total))
+        return curve["reducing_value"] * (1 + total)
     ratio = curve["T_r"] / T if curve["form"] == "exponential of tau" else 1.0
-    return T, np.log(curve["reducing_value"]) + ratio * total
+    return curve["reducing_value"] * np.exp(ratio * total)
 
 
 def poly(table: np.ndarray, x, y):
@@ -106,12 +120,28 @@ def ancillary(curve: dict, T):
     return curve["reducing_value"] * jnp.exp(ratio * total)
 
 
-def _columns(table: np.ndarray, like) -> list:
+class Weighted(NamedTuple):
+    """Rows of terms whose first column is multiplied by weights, as in a mixture."""
+
+    table: np.ndarray
+    weights: Float[Array, " rows"]
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.table.size
+
+
+def _columns(rows: np.ndarray | Weighted, like) -> list:
     """Columns of a table, one entry a term along a new first axis."""
-    return [c.reshape((-1,) + (1,) * jnp.ndim(like)) for c in table.T]
+    table = rows.table if isinstance(rows, Weighted) else rows
+    columns = [c.reshape((-1,) + (1,) * jnp.ndim(like)) for c in table.T]
+    if isinstance(rows, Weighted):
+        columns[0] = columns[0] * rows.weights.reshape(columns[0].shape)
+    return columns
 
 
-def ideal_terms(ideal: dict, tau, delta):
+def ideal_terms(ideal: Mapping[str, Any], tau, delta):
     """a0, tau a0_tau, tau^2 a0_tautau."""
     (a1, a2), c = ideal["lead"], ideal["log"]
     log = jnp.log(tau)
@@ -132,20 +162,28 @@ def ideal_terms(ideal: dict, tau, delta):
     return value, first, second
 
 
-def residual_terms(residual: dict, tau, delta):
+def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
     """ar, d ar_d, d^2 ar_dd, t ar_t, t^2 ar_tt, d t ar_dt, with d and t for delta and tau."""
     log_tau, log_delta = jnp.log(tau), jnp.log(delta)
     total = []
-    for family, table in residual.items():
-        columns = _columns(table, tau)
+    for family, rows_of_family in residual.items():
+        columns = _columns(rows_of_family, tau)
         if family == "non_analytic":
             total.append(_non_analytic(columns, tau, delta))
             continue
         n, t, d = columns[:3]
-        if family == "power":
+        if family == "exponential":
+            # exp(-g delta^l - tau^m), with l and m that need not be whole; m = 0 marks terms without tau
+            power, g, m = columns[3:6]
+            x = g * jnp.exp(power * log_delta)
+            y = jnp.where(m > 0, jnp.exp(m * log_tau), 0.0)
+            q, q_1 = d - power * x, -(power**2) * x
+            r, r_1 = t - m * y, -(m**2) * y
+            more = -x - y
+        elif family == "power":
             # delta^l of the few whole numbers l that occur, without an exponential; l = 0 marks terms
             # that have no exp(-delta^l)
-            powers, place = np.unique(table[:, 3].astype(int), return_inverse=True)
+            powers, place = np.unique(columns[3].ravel().astype(int), return_inverse=True)
             x = jnp.stack([delta ** int(l) if l else 0 * delta for l in powers])[place]
             power = columns[3]
             q = d - power * x

@@ -12,21 +12,23 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
-from ._base import AbstractFluid, GasState, SmallSystem
+from ._base import GasState, SmallSystem
+from ._blends import blends
 from ._helmholtz import (
     Saturation,
     ancillary,
     fluid_data,
+    fluids,
     ideal_terms,
     poly,
     residual_terms,
     saturation_curve,
 )
+from ._real import NEAR_SATURATION, AbstractRealGas
+from .mixture import Mixture
 
-_NEAR = 0.5  # [K] by which gas may be colder than saturation, for pressures that are given in few digits
 
-
-class RealGas(AbstractFluid):
+class RealGas(AbstractRealGas):
     """A fluid by its published equation of state.
 
     Args:
@@ -41,7 +43,15 @@ class RealGas(AbstractFluid):
     name: str = eqx.field(static=True)
 
     def __check_init__(self):
+        if self.name not in fluids() and self.name in blends():
+            bound = f'a pure fluid; that is a blend, `Mixture(name="{self.name}")`'
+            raise BadInput("name", f'"{self.name}"', bound)
         fluid_data(self.name)
+
+    @classmethod
+    def of_entries(cls, **entries):
+        """The fluid that a section of a file names, which may be a blend of ASHRAE 34."""
+        return fluid_named(**entries) if entries.keys() == {"name"} else cls(**entries)
 
     @property
     def data(self) -> dict:
@@ -57,13 +67,25 @@ class RealGas(AbstractFluid):
         return self.data["T_least"], self.data["T_most"]
 
     @property
+    def condenses(self) -> bool:
+        return True
+
+    @property
+    def lowest_temperature(self) -> float:
+        return self.data["T_least"]
+
+    @property
     def critical_temperature(self) -> float:
         """[K]"""
         return self.data["T_critical"]
 
     @property
+    def critical_pressure(self) -> float:
+        """[Pa]"""
+        return float(self.dew_pressure(self.critical_temperature))
+
+    @property
     def has_glide(self) -> bool:
-        """Whether dew and bubble temperature at a pressure differ, as those of a blend do."""
         return self.data["pseudo_pure"]
 
     def dew_temperature(self, p):
@@ -75,13 +97,17 @@ class RealGas(AbstractFluid):
         return self._temperature(p, "dew")
 
     def dew_pressure(self, T):
-        """[Pa] The inverse of `dew_temperature`."""
-        tools = jnp if is_traced(T) else np
-        return tools.exp(tools.interp(T, *saturation_curve(self.name)))
+        return self._pressure(T, "dew")
 
     def bubble_temperature(self, p):
-        """[K] At which liquid begins to boil at pressures [Pa]; else as `dew_temperature`."""
         return self._temperature(p, "bubble" if self.has_glide else "dew")
+
+    def bubble_pressure(self, T):
+        return self._pressure(T, "bubble" if self.has_glide else "dew")
+
+    def _pressure(self, T, line: str):
+        tools = jnp if is_traced(T) else np
+        return tools.exp(tools.interp(T, *saturation_curve(self.name, line)))
 
     def _temperature(self, p, line: str):
         tools = jnp if is_traced(p) else np
@@ -89,10 +115,6 @@ class RealGas(AbstractFluid):
         return tools.interp(tools.log(p), log_p, T)
 
     def bubble_of_dew(self, T: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """[K] Bubble temperatures at the pressures of dew temperatures `T` [K], to rounding.
-
-        Those of a pure fluid are the dew temperatures themselves, and nothing is computed.
-        """
         if not self.has_glide:
             return T
         return jnp.vectorize(lambda T: self._saturation(T, None).T_bubble)(jnp.asarray(T))
@@ -141,49 +163,16 @@ class RealGas(AbstractFluid):
             most = self.data["p_most"]
             if np.all(np.less(T, self.critical_temperature)):
                 # what a pressure in few digits may be above saturation
-                most = float(self.dew_pressure(np.asarray(T) + _NEAR))
+                most = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
             self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
         return super().density(T, p)
 
-    @eqx.filter_jit
-    def liquid(self, T: Float[Array, ""], p: Float[Array, ""]) -> GasState:
-        """The liquid at a temperature `T` [K] and a pressure `p` [Pa], compressed above saturation.
-
-        Sought from the density of the boiling liquid at that temperature, so that a liquid that is
-        slightly too warm for its pressure is found as well.
-        """
-
-        def misfit(rho, inputs):
-            fluid, T, p = inputs
-            return fluid.state(T, rho).p / p - 1
-
-        def solve(inputs):
-            fluid, T, p = inputs
-
-            def newton(_, rho):
-                state = fluid.state(T, rho)
-                # Near the critical point the slope goes to zero, and a step would leave the liquid.
-                slope = jnp.maximum(state.dp_drho, 1e-2 * fluid.specific_gas_constant * T)
-                return jnp.clip(rho + (p - state.p) / slope, 0.95 * rho, 1.05 * rho)
-
-            # p(rho) of a liquid bends up: from any density the second step is on the steep side, and
-            # Newton's method comes down to the root without passing it.
-            return lax.fori_loop(0, 12, newton, ancillary(fluid.data["liquid_density"], T))
-
-        return self.state(T, root(SmallSystem(misfit, solve, (self, T, p))))
-
-    def _require(self, name: str, value, bound: Bound, why: str) -> None:
-        if not np.all(bound.inside(np.asarray(value))):
-            raise BadInput(name, value, f"{bound} {why} {self.name}")
+    def boiling_density(self, T):
+        return ancillary(self.data["liquid_density"], T)
 
     def saturation(
         self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
     ) -> Saturation:
-        """Saturation at a temperature `T` [K] or at a pressure `p` [Pa] below the critical one.
-
-        Raises:
-            BadInput: one that is not between triple and critical point; within `jit` it is not seen.
-        """
         ends = self.temperature_range[0], self.critical_temperature
         if T is None and not is_traced(p):
             low, high = (float(self.dew_pressure(end)) for end in ends)
@@ -267,3 +256,12 @@ class RealGas(AbstractFluid):
         # the root does not depend on where it was sought from
         inputs = jnp.log(p), lax.stop_gradient(jnp.log(T))
         return jnp.exp(root(SmallSystem(lambda x, inputs: misfit(x, inputs[0]), solve, inputs)))
+
+
+def fluid_named(name: str) -> AbstractRealGas:
+    """A pure fluid, a pseudo-pure one, or a blend of ASHRAE 34.
+
+    Raises:
+        BadInput: an unknown name, or a blend with a pair without parameters.
+    """
+    return Mixture(name=name) if name not in fluids() and name in blends() else RealGas(name)

@@ -10,7 +10,7 @@ from ..crank import Performance
 from ..crank.interface import POWER
 from ..cylinder import Cycle
 from ..cylinder.interface import SeveralCycles
-from ..fluid import RealGas
+from ..fluid.interface import has_dew_line
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
 
@@ -31,7 +31,7 @@ def cylinder_figures(
     if isinstance(cycle, SeveralCycles):
         cycle = cycle.first
     figures = {"valve_losses": valve_losses(cycle), "valve_motion": valve_motion(cycle)}
-    if isinstance(cycle.case.cylinder.fluid, RealGas):
+    if has_dew_line(cycle.case.cylinder.fluid):
         figures["log_p_h"] = log_p_h(cycle)
     if performance is not None:
         figures["power_use"] = power_use(performance)
@@ -110,10 +110,11 @@ def log_p_h(cycle: Cycle) -> Figure:
         TypeError: a perfect gas, which has no dome.
     """
     fluid, case = cycle.case.cylinder.fluid, cycle.case
-    if not isinstance(fluid, RealGas):
+    if not has_dew_line(fluid):
         raise TypeError("a diagram of pressure over enthalpy needs a real gas.")
-    low = max(fluid.temperature_range[0], 0.55 * fluid.data["T_critical"])
-    T = jnp.linspace(low, 0.995 * fluid.data["T_critical"], 120)
+    end = float(fluid.critical_temperature)
+    low = max(float(fluid.lowest_temperature), 0.55 * end)
+    T = jnp.linspace(low, 0.995 * end, 120)
     dome = jax.vmap(lambda T: fluid.saturation(T=T))(T)
     liquid, vapour = fluid.state(T, dome.liquid), fluid.state(T, dome.vapour)
     inside = fluid.state(cycle.temperature, cycle.mass / cycle.volume)

@@ -124,6 +124,7 @@ class Reader:
         if not isinstance(table, Mapping) or "value" in table:
             raise SceneError(path, f"must be a section [{path}]", table)
         kind = chosen(table, classes, path)
+        table = kind.written(table)
         source = _text(table.get("source", source), join(path, "source"))
         known = entries(kind)
         for key in [key for key in table if key not in known]:
@@ -227,7 +228,7 @@ def is_value(given: Any) -> bool:
 
 def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -> Part:
     try:
-        return kind(**given)
+        return kind.of_entries(**given)
     except BadInput as error:
         if error.field in given:
             value = unwrapped(table[error.field], path)[0]

@@ -8,7 +8,7 @@ import numpy as np
 from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..cylinder import Cylinder
-from ..fluid import RealGas
+from ..fluid import AbstractRealGas
 from ..study.interface import MEASURED, terms_of
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap, polynomial_errors
 from ._scene import Scene
@@ -33,7 +33,7 @@ def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
     """
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)
-    assert isinstance(gas.fluid, RealGas)
+    assert isinstance(gas.fluid, AbstractRealGas)
     told, line = RATINGS[rating], gas.discharge
     if rating == "file":
         heads = gas.suction.temperature, gas.suction.superheat
@@ -96,7 +96,7 @@ def polynomial_text(
         (speed, found), gas = next(iter(maps.items())), cast(Cylinder, machine.gas)
         swept = float(machine.swept_volume) * machine.crankshaft.count
         kept = {key: value for key, value in told.items() if "error" not in key}
-        return tespy_text(kept, found, cast(RealGas, gas.fluid), swept, speed)
+        return tespy_text(kept, found, cast(AbstractRealGas, gas.fluid), swept, speed)
     table = [
         ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
     ]

@@ -25,7 +25,8 @@ import numpy as np
 from .._core.errors import BadInput
 from .._core.files import regular
 from .._core.words import did_you_mean
-from ..fluid import RealGas
+from ..fluid import AbstractRealGas
+from ..fluid.interface import fluid_named
 from ..study.rating import RatingMap, capacity_rise, polynomial_errors, polynomial_terms
 from ._settings import ERROR_OF, WORDS, known_name, measure_setting
 from ._table_text import cell_number
@@ -187,7 +188,11 @@ def _curve_numbers(cells: Sequence[str]) -> list[float]:
 
 
 def tespy_text(
-    metadata: Mapping[str, str], found: RatingMap, fluid: RealGas, swept_volume: float, speed: float
+    metadata: Mapping[str, str],
+    found: RatingMap,
+    fluid: AbstractRealGas,
+    swept_volume: float,
+    speed: float,
 ) -> str:
     """A map as what TESPy's `PolynomialCompressor` takes.
 
@@ -338,14 +343,14 @@ def _json_number(given: Any, key: str) -> float:
     return float(given)
 
 
-def _fluid(name: str) -> RealGas:
+def _fluid(name: str) -> AbstractRealGas:
     try:
-        return RealGas(name)
+        return fluid_named(name)
     except BadInput as error:
         raise SceneError("fluid", f"must be {error.bound}", name) from None
 
 
-def _states(metadata: Mapping[str, str], fluid: RealGas, S, D):
+def _states(metadata: Mapping[str, str], fluid: AbstractRealGas, S, D):
     """Density of the gas that comes, rise of isentropic compression, and worth of a kilogram."""
 
     def kelvins(key: str) -> float:
@@ -365,7 +370,7 @@ def _states(metadata: Mapping[str, str], fluid: RealGas, S, D):
 
 
 @eqx.filter_jit
-def _states_at(fluid: RealGas, evaporating, condensing, gas, liquid):
+def _states_at(fluid: AbstractRealGas, evaporating, condensing, gas, liquid):
     """(n,) of `_states` at n temperatures [K]; one program for all files of a fluid and a size."""
 
     def at_point(evaporating, condensing, gas, liquid):

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from .._core.words import did_you_mean
-from ..fluid import RealGas
+from ..fluid import AbstractRealGas
 from ..study import Identification, Readings, design_rules
 from ..study.interface import MEASURED, CommonFactor, list_length, terms_of, varied
 from ..study.rating import RATINGS, ZERO, Rating
@@ -373,7 +373,7 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
     words = f"Identified from {found.source}, beginning with {scene.name}"
     gas = None if scene.machine.compressor is None else scene.machine.compressor.gas
     fluid = getattr(gas, "fluid", None)
-    if isinstance(fluid, RealGas):
+    if isinstance(fluid, AbstractRealGas):
         words += f", with {fluid.name}"
     document = scene.document | {"description": words}
     corrections = scene.machine.corrections

@@ -28,7 +28,8 @@ from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, so
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
 from ..cylinder.interface import may_lack_room, of_each
-from ..fluid import RealGas
+from ..fluid import AbstractRealGas
+from ..fluid.interface import has_dew_line
 from ..motor import ConstantSpeed
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def at_rating(
     """
     compressor = compressor_of(machine)
     gas = compressor.gas
-    if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+    if not isinstance(gas, Cylinder) or not has_dew_line(gas.fluid):
         bound = 'of type "cylinder", with valves and a real gas, for rating points'
         raise BadInput("gas", kind_text(gas), bound)
     if isinstance(rating, str):
@@ -283,7 +284,9 @@ class RatingPoint(NamedTuple):
     speed: Float[Array, ""]
 
 
-def capacity_rise(fluid: RealGas, evaporating, condensing, useful, liquid) -> Float[Array, ""]:
+def capacity_rise(
+    fluid: AbstractRealGas, evaporating, condensing, useful, liquid
+) -> Float[Array, ""]:
     """[J/kg] of enthalpy between liquid and useful gas; capacity over mass flow.
 
     Args:
@@ -322,7 +325,7 @@ def rated(
     values, ok, _ = _at_point(here, quick, solver)
     gas = here.gas
     assert isinstance(gas, Cylinder)
-    assert isinstance(gas.fluid, RealGas)
+    assert isinstance(gas.fluid, AbstractRealGas)
     worth = capacity_rise(
         gas.fluid, point.evaporating, point.condensing, point.useful, point.liquid
     )

@@ -15,7 +15,8 @@ from ..._core.errors import BadInput, kind_text
 from ..._core.exported import kept_jit
 from ...compressor import Compressor, mechanisms_of
 from ...cylinder import Cylinder
-from ...fluid import RealGas
+from ...fluid import AbstractRealGas
+from ...fluid.interface import has_dew_line
 from ...machine import Machine, assembled
 from ..rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 from ._least_squares import Parameter
@@ -89,7 +90,7 @@ class Readings(AbstractMeasurement):
         pairs = zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True)
         return [f"{s:.4g}/{d:.4g} C" for s, d in pairs]
 
-    def liquid_of(self, fluid: RealGas) -> NDArray:
+    def liquid_of(self, fluid: AbstractRealGas) -> NDArray:
         """[K] (n,) temperature of the liquid of a fluid before the expansion.
 
         Subcooling counts from the bubble point, which a file of readings cannot know: the machine has
@@ -122,7 +123,7 @@ class Readings(AbstractMeasurement):
         """
         compressor = assembled(machine).compressor
         gas = None if compressor is None else compressor.gas
-        if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+        if not isinstance(gas, Cylinder) or not has_dew_line(gas.fluid):
             raise BadInput("gas", kind_text(gas), "a cylinder with valves and a real gas")
         if not gas.inert:
             bound = "given on both valves: without, a cycle has no exact slopes"
@@ -133,12 +134,12 @@ class Readings(AbstractMeasurement):
             )
         self.check_points(gas.fluid)
 
-    def check_points(self, fluid: RealGas) -> None:
+    def check_points(self, fluid: AbstractRealGas) -> None:
         """Refuse points that cannot be with a fluid, see `check`."""
         if self.fluid and _bare(self.fluid) != _bare(fluid.name):
             bound = f"{fluid.name} as the machine; set gas.fluid.name to identify with another"
             raise BadInput(f"{self.source}: fluid", self.fluid, bound)
-        top = fluid.data["T_critical"]
+        top = float(fluid.critical_temperature)
         for n, name in enumerate(self.names):
             at = f"{self.source}: point {name}"
             if not ZERO - 100 < self.evaporating[n] < self.condensing[n] < top:
@@ -147,7 +148,7 @@ class Readings(AbstractMeasurement):
             if self.gas[n] < self.evaporating[n] or self.useful[n] < self.evaporating[n]:
                 bound = f"at least the evaporating temperature, {self.evaporating[n] - ZERO:.4g} C"
                 raise BadInput(f"{at}: gas [C]", self.gas[n] - ZERO, bound)
-            hottest = min(self.evaporating[n] + _MOST_SUPERHEAT, fluid.data["T_most"])
+            hottest = min(self.evaporating[n] + _MOST_SUPERHEAT, fluid.temperature_range[1])
             if self.gas[n] > hottest or self.useful[n] > hottest:
                 bound = f"at most {hottest - ZERO:.4g} C"
                 raise BadInput(f"{at}: gas [C]", max(self.gas[n], self.useful[n]) - ZERO, bound)
@@ -163,7 +164,7 @@ class Readings(AbstractMeasurement):
         if {"capacity", "mass_flow"} <= set(self.measured):
             self._check_capacity(fluid)
 
-    def _check_liquid(self, fluid: RealGas) -> None:
+    def _check_liquid(self, fluid: AbstractRealGas) -> None:
         """Refuse liquid that boils at its pressure, or is colder than any condenser leaves it."""
         boiling = np.asarray(fluid.bubble_of_dew(self.condensing))
         liquid = self.liquid_of(fluid)
@@ -174,7 +175,7 @@ class Readings(AbstractMeasurement):
                 if boiling[n] < self.condensing[n]:
                     bound = f"at most {boiling[n] - ZERO:.4g} C, the bubble temperature at that pressure"
                 raise BadInput(at, liquid[n] - ZERO, bound)
-            coldest = max(boiling[n] - _MOST_SUBCOOLING, fluid.data["T_least"])
+            coldest = max(boiling[n] - _MOST_SUBCOOLING, float(fluid.lowest_temperature))
             if liquid[n] < coldest:
                 raise BadInput(at, liquid[n] - ZERO, f"at least {coldest - ZERO:.4g} C")
 
@@ -305,7 +306,7 @@ class Readings(AbstractMeasurement):
             out.append(text + "one speed cannot tell the law of speed")
         return out
 
-    def _check_capacity(self, fluid: RealGas) -> None:
+    def _check_capacity(self, fluid: AbstractRealGas) -> None:
         ratio = self.measured["capacity"] / self.measured["mass_flow"]
         there = np.isfinite(ratio)
         rise = jax.jit(jax.vmap(lambda s, d, u, liquid: capacity_rise(fluid, s, d, u, liquid)))
@@ -335,7 +336,7 @@ class Readings(AbstractMeasurement):
 
 
 @kept_jit
-def _limits(fluid: RealGas, evaporating, condensing, gas, useful, liquid):
+def _limits(fluid: AbstractRealGas, evaporating, condensing, gas, useful, liquid):
     """[kg/m^3] Of the gas that comes, [J/kg] of its isentropic compression, [J/kg] of capacity; (n,)."""
 
     def at(evaporating, condensing, gas, useful, liquid):

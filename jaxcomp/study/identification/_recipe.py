@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._core.errors import BadInput, kind_text
 from ...cylinder import Cylinder
-from ...fluid import RealGas
+from ...fluid.interface import has_dew_line
 from ...machine import HasMachine, Machine, machine_of
 from .._rules import with_swept_volume
 from .._variables import variable
@@ -90,7 +90,7 @@ def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
     """[m^3] Swept volume that the flow wants, and [1/s] the speed, as medians over all points."""
     compressor = design.as_compressor()
     gas, nominal = compressor.gas, float(compressor.motor.speed_guess)
-    if not isinstance(gas, Cylinder) or not isinstance(gas.fluid, RealGas):
+    if not isinstance(gas, Cylinder) or not has_dew_line(gas.fluid):
         raise BadInput("gas", kind_text(gas), "a cylinder with valves and a real gas")
     fluid = gas.fluid
 

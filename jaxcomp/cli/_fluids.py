@@ -1,0 +1,138 @@
+"""`jaxcomp list fluids`: pure fluids and blends, with ranges, glide, and how well pairs are known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from .._core.display import ZERO_CELSIUS
+from .._core.errors import BadInput
+from ._start import CommandError, start_jax
+from ._tables import bold, row_table
+
+# What the quality of a pair is worth, in words that a report can be judged by.
+_QUALITIES = {
+    "departure": "departure function: pressures 1 %, densities 0.1 %",
+    "generalised departure": "generalised departure function of similar pairs",
+    "fit": "fitted to vapour pressures; density and enthalpy not tested",
+    "estimated": "estimated, never fitted",
+    "none": "no parameters",
+}
+
+
+def list_fluids() -> tuple[dict[str, Any], list[Table]]:
+    """All pure fluids, and the blends of ASHRAE 34 that can be computed."""
+    from ..fluid import fluids
+    from ..fluid.interface import fluid_data, usable_blends
+
+    start_jax()
+    keys = ("name", "description", "source", "licence")
+    pure, rows = [], []
+    for data in map(fluid_data, fluids()):
+        limits = data["T_least"], data["T_most"]
+        pure.append({key: data[key] for key in keys} | {"range [K]": list(limits)})
+        rows.append((bold(data["name"]), data["description"], _range(*limits), data["source"]))
+    heads = ("Name", "What it is", "Range [degC]", "Equation of state")
+    tables = [_words("Fluids", heads, rows)]
+    mixed, rows = [], []
+    for blend in usable_blends():
+        entry = blend_entry(blend.name)
+        mixed.append(entry)
+        glide = entry["glide_at_0_degC [K]"]
+        shown = "" if glide is None else f"{glide:.2f}"
+        rows.append((bold(blend.name), blend.quality, _composition(blend.mass_fractions), shown))
+    title = "Blends of ASHRAE 34; A: departure functions for all pairs, B: some pairs are fits"
+    heads = ("Name", "Class", "By mass [%]", "Glide at 0 degC [K]")
+    tables.append(_words(title, heads, rows))
+    return {"fluids": pure, "blends": mixed}, tables
+
+
+def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
+    """One fluid or blend with its sources, of a blend pair by pair.
+
+    Raises:
+        CommandError: an unknown name.
+    """
+    from ..fluid import fluids
+    from ..fluid.interface import blends, fluid_data, fluid_named
+
+    start_jax()
+    if name not in fluids() and name not in blends():
+        try:
+            fluid_named(name)
+        except BadInput as error:
+            raise CommandError(f"list fluids {name}: must be {error.bound}") from None
+    if name in fluids():
+        data = fluid_data(name)
+        entry = {key: data[key] for key in ("name", "description", "source", "licence")}
+        entry |= {"range [K]": [data["T_least"], data["T_most"]], "p_most [Pa]": data["p_most"]}
+        entry |= {"critical_temperature [K]": data["T_critical"]}
+        rows = [(key, _text(value)) for key, value in entry.items()]
+        return entry, [_words(name, ("", ""), rows)]
+    entry = blend_entry(name)
+    rows = [("Class", entry["class"]), ("By mass", _composition(entry["mass_fractions"], " %"))]
+    if entry["glide_at_0_degC [K]"] is not None:
+        rows.append(("Glide at 0 degC", f"{entry['glide_at_0_degC [K]']:.2f} K"))
+        rows.append(("Lines", f"{_range(*entry['lines [K]'])} degC"))
+    if entry["without_equation"]:
+        rows.append(("No equation of state", ", ".join(entry["without_equation"])))
+    tables = [_words(name, ("", ""), rows)]
+    if entry["pairs"]:
+        rows = [
+            ("/".join(pair["components"]), _QUALITIES[pair["quality"]], pair["source"])
+            for pair in entry["pairs"]
+        ]
+        tables.append(_words(f"Pairs of {name}", ("Pair", "Parameters", "Source"), rows))
+    return entry, tables
+
+
+def blend_entry(name: str) -> dict[str, Any]:
+    """Composition, class, glide, range of the lines and pairs of a blend."""
+    from ..fluid import Mixture
+    from ..fluid.interface import blends, pairs_of, without_equation
+
+    blend = blends()[name]
+    entry: dict[str, Any] = {
+        "name": name,
+        "class": blend.quality,
+        "mass_fractions": dict(blend.mass_fractions),
+        "glide_at_0_degC [K]": None,
+        "lines [K]": None,
+        "without_equation": without_equation(blend),
+        "pairs": [],
+    }
+    if entry["without_equation"]:
+        return entry
+    pairs = pairs_of(list(blend.mass_fractions))
+    entry["pairs"] = [
+        {"components": list(pair.names), "quality": pair.quality, "source": pair.source}
+        for pair in pairs
+    ]
+    if any(pair.quality == "none" for pair in pairs):
+        return entry
+    mixture = Mixture(name=name)
+    if mixture.lines is not None:
+        low, _, high = np.asarray(mixture.lines.ends).tolist()
+        entry["lines [K]"] = [low, high]
+        if low < ZERO_CELSIUS < high:
+            bubble = float(mixture.bubble_of_dew(ZERO_CELSIUS))
+            entry["glide_at_0_degC [K]"] = ZERO_CELSIUS - bubble
+    return entry
+
+
+def _words(title: str, heads, rows) -> Table:
+    return row_table(title, heads, rows, texts=len(heads), whole=(0,))
+
+
+def _composition(fractions, unit: str = "") -> str:
+    return ", ".join(f"{name} {100 * share:.4g}{unit}" for name, share in fractions.items())
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low - ZERO_CELSIUS:.0f} to {high - ZERO_CELSIUS:.0f}"
+
+
+def _text(value: Any) -> str:
+    return " to ".join(f"{one:g}" for one in value) if isinstance(value, list) else str(value)

@@ -1,0 +1,127 @@
+"""Fluids that condense: what a pure fluid and a mixture offer beyond the state of a gas."""
+
+from abc import abstractmethod
+from typing import Any, TypeGuard
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import Bound
+from .._core.roots import root
+from ._base import AbstractFluid, GasState, SmallSystem
+from ._helmholtz import Saturation
+
+# [K] by which gas may be colder than saturation, for pressures that are given in few digits
+NEAR_SATURATION = 0.5
+
+
+class AbstractRealGas(AbstractFluid):
+    """A fluid with a dew line and a liquid: a pure fluid, or a mixture."""
+
+    name: eqx.AbstractVar[str]
+
+    @property
+    @abstractmethod
+    def condenses(self) -> bool:
+        """Whether it has a dew line: that of a natural gas lies below all temperatures of a machine."""
+
+    @property
+    @abstractmethod
+    def lowest_temperature(self) -> float | Float[Array, ""]:
+        """[K] Where its dew line begins."""
+
+    @property
+    @abstractmethod
+    def critical_temperature(self) -> float | Float[Array, ""]:
+        """[K] Where its dew line ends; of a mixture just below the critical point."""
+
+    @property
+    @abstractmethod
+    def critical_pressure(self) -> float | Float[Array, ""]:
+        """[Pa] on the dew line at that temperature."""
+
+    @property
+    @abstractmethod
+    def has_glide(self) -> bool:
+        """Whether dew and bubble temperature at a pressure differ, as those of a blend do."""
+
+    @abstractmethod
+    def dew_temperature(self, p) -> Any:
+        """[K] Dew temperature at pressures [Pa] by a curve, to about 0.1 K.
+
+        Beyond the curve that of its end: the critical temperature, or the lowest of the fluid.
+        Known pressures give numbers of NumPy, for checks that shall compile nothing.
+        """
+
+    @abstractmethod
+    def dew_pressure(self, T) -> Any:
+        """[Pa] The inverse of `dew_temperature`."""
+
+    @abstractmethod
+    def bubble_temperature(self, p) -> Any:
+        """[K] At which liquid begins to boil at pressures [Pa]; else as `dew_temperature`."""
+
+    @abstractmethod
+    def bubble_pressure(self, T) -> Any:
+        """[Pa] The inverse of `bubble_temperature`."""
+
+    @abstractmethod
+    def bubble_of_dew(self, T: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[K] Bubble temperatures at the pressures of dew temperatures `T` [K], to rounding.
+
+        Those of a pure fluid are the dew temperatures themselves, and nothing is computed.
+        """
+
+    @abstractmethod
+    def saturation(
+        self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
+    ) -> Saturation:
+        """Saturation at a temperature `T` [K] or at a pressure `p` [Pa] below the critical one.
+
+        Raises:
+            BadInput: one that is not on the lines of the fluid; within `jit` it is not seen.
+        """
+
+    @abstractmethod
+    def boiling_density(self, T: Float[Array, ""]) -> Float[Array, ""]:
+        """[kg/m^3] of the boiling liquid at a temperature `T` [K], to about 1 %."""
+
+    @eqx.filter_jit
+    def liquid(self, T: Float[Array, ""], p: Float[Array, ""]) -> GasState:
+        """The liquid at a temperature `T` [K] and a pressure `p` [Pa], compressed above saturation.
+
+        Sought from the density of the boiling liquid at that temperature, so that a liquid that is
+        slightly too warm for its pressure is found as well.
+        """
+
+        def misfit(rho, inputs):
+            fluid, T, p = inputs
+            return fluid.state(T, rho).p / p - 1
+
+        def solve(inputs):
+            fluid, T, p = inputs
+
+            def newton(_, rho):
+                state = fluid.state(T, rho)
+                # Near the critical point the slope goes to zero, and a step would leave the liquid.
+                slope = jnp.maximum(state.dp_drho, 1e-2 * fluid.specific_gas_constant * T)
+                return jnp.clip(rho + (p - state.p) / slope, 0.95 * rho, 1.05 * rho)
+
+            # p(rho) of a liquid bends up: from any density the second step is on the steep side, and
+            # Newton's method comes down to the root without passing it.
+            return lax.fori_loop(0, 12, newton, fluid.boiling_density(T))
+
+        return self.state(T, root(SmallSystem(misfit, solve, (self, T, p))))
+
+    def _require(self, name: str, value, bound: Bound, why: str) -> None:
+        if not np.all(bound.inside(np.asarray(value))):
+            raise BadInput(name, value, f"{bound} {why} {self.name}")
+
+
+def has_dew_line(fluid: object) -> TypeGuard[AbstractRealGas]:
+    """Whether a fluid can be at a rating point: neither a perfect gas, nor one that never condenses."""
+    return isinstance(fluid, AbstractRealGas) and fluid.condenses

@@ -1,0 +1,166 @@
+r"""Dew and bubble line of a mixture as polynomials, and how they move with the composition.
+
+Logarithms of pressure and density along both lines are Chebyshev series in $1/T$ on two panels. They are
+solved once for a composition, on the host; a program takes their coefficients as arrays, so that another
+composition of the same components is the same program. Derivatives to the composition are those of the
+coefficients, by the implicit function theorem at each node: exact at the composition that was solved, and
+of first order beside it.
+"""
+
+from itertools import pairwise
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ._equilibrium import (
+    FIRST_T,
+    Line,
+    PhaseModel,
+    line_slopes,
+    march,
+    separation,
+    solved,
+)
+from ._multi_fluid import MultiFluid
+
+# Nodes of a panel: with 16 the density of R404A near its critical point is good to 5e-7, with 24 to 1e-8.
+NODES = 24
+# Panels meet here: below, the curves are nearly straight in 1/T, above they bend to the critical point.
+_MIDDLE_T = 300.0  # [K]
+# Lines end at this share of the critical temperature: beyond, densities have an infinite slope.
+_END = 0.985
+_FEWEST = 5  # points on the way along a line; fewer tell nothing of its end
+_SAMPLES = 48  # of the table in which a temperature is first looked up by its pressure
+
+DEW_PRESSURE, BUBBLE_PRESSURE, DEW_DENSITY, BUBBLE_DENSITY = range(4)
+
+
+class SaturationLines(eqx.Module):
+    """The lines of a mixture of n components.
+
+    Attributes:
+        ends: [K] (3,) where the first panel begins, where the second does, and where that ends.
+        coefficients: (2, 4, nodes) of ln(p'') and ln(p') [Pa], ln(rho'') and ln(rho') [kg/m^3], by panel.
+        slopes: (n, 2, 4, nodes) their derivatives to the mass fractions, which are normalised.
+        reference: (n,) mass fractions that were solved.
+        critical: [K] temperature at which both lines end, to about 0.1 K.
+    """
+
+    ends: Float[Array, "3"]
+    coefficients: Float[Array, "2 4 nodes"]
+    slopes: Float[Array, "n 2 4 nodes"]
+    reference: Float[Array, " n"]
+    critical: Float[Array, ""]
+
+    def at(self, mass_fractions, tools) -> Any:
+        """(2, 4, nodes) coefficients at mass fractions (n,) of sum one near those that were solved."""
+        if tools is np:  # known, as the composition is that of the lines
+            return np.asarray(self.coefficients)
+        return self.coefficients + jnp.tensordot(mass_fractions - self.reference, self.slopes, 1)
+
+
+def curve(coefficients, ends, T, tools=jnp):
+    """Series at temperatures [K] within their ends, and their derivatives [1/K].
+
+    Args:
+        coefficients: (2, nodes) of one curve.
+        ends: [K] (3,)
+        T: [K] of any shape.
+        tools: `numpy` or `jax.numpy`.
+    """
+    T = tools.clip(T, ends[0], ends[2])
+    upper = ends[1] < T
+    low, high = tools.where(upper, ends[1], ends[0]), tools.where(upper, ends[2], ends[1])
+    width = 1 / high - 1 / low
+    s, rate = 2 * (1 / T - 1 / low) / width - 1, -2 / (width * T**2)
+    terms, slopes = [tools.ones_like(s), s], [tools.zeros_like(s), tools.ones_like(s)]
+    for _ in range(coefficients.shape[-1] - 2):
+        # of the Chebyshev polynomials and of their derivatives, whose cosines have none at the ends
+        slopes.append(2 * terms[-1] + 2 * s * slopes[-1] - slopes[-2])
+        terms.append(2 * s * terms[-1] - terms[-2])
+    along = [tools.stack(rows, axis=-1) for rows in (terms, slopes)]
+    value, slope = (
+        tools.where(upper, rows @ coefficients[1], rows @ coefficients[0]) for rows in along
+    )
+    return value, slope * rate
+
+
+def temperature_of(coefficients, ends, logarithm, tools=jnp):
+    """[K] Where a rising curve has a value, to rounding; that of its end beyond them."""
+    samples = 1 / tools.linspace(1 / ends[0], 1 / ends[2], _SAMPLES)
+    values, _ = curve(coefficients, ends, samples, tools)
+    T = tools.interp(logarithm, values, samples)
+    for _ in range(4):
+        value, slope = curve(coefficients, ends, T, tools)
+        T = tools.clip(T - (value - logarithm) / slope, ends[0], ends[2])
+    return T
+
+
+# ------------------------------------------------------------------- solving them
+def solve_lines(
+    model: MultiFluid, components: tuple[str, ...], mass_fractions: np.ndarray
+) -> SaturationLines | None:
+    """Both lines of a composition; `None` where the mixture has none, as a gas above its critical point.
+
+    Args:
+        model: of the mixture.
+        components: its components, whose vapour pressures give the first guess.
+        mass_fractions: (n,) of sum one.
+    """
+    phases = PhaseModel(model)
+    z = np.maximum(model.mole_fractions(mass_fractions), 1e-12)
+    least = max(FIRST_T, np.ceil(model.limits[0] + 0.1))
+    with np.errstate(all="ignore"):
+        both = (march(phases, components, z, least, dew) for dew in (True, False))
+        marched = [line for line in both if line is not None and len(line.T) >= _FEWEST]
+        if len(marched) < 2:
+            return None
+        critical = float(np.mean([_critical(line) for line in marched]))
+        top = _END * critical
+        if top < least + 20 or any(line.T[-1] < top for line in marched):
+            return None
+        middle = _MIDDLE_T if least + 20 < _MIDDLE_T < top - 10 else (least + top) / 2
+        ends = np.array([least, middle, top])
+        # (n + 1, panel, 2, nodes): value and slopes, of pressure and density
+        dew, bubble = (_fitted(phases, mass_fractions, line, ends) for line in marched)
+    if dew is None or bubble is None:
+        return None
+    order = np.stack([dew[:, :, 0], bubble[:, :, 0], dew[:, :, 1], bubble[:, :, 1]], axis=2)
+    return SaturationLines(
+        ends=jnp.asarray(ends),
+        coefficients=jnp.asarray(order[0]),
+        slopes=jnp.asarray(order[1:]),
+        reference=jnp.asarray(mass_fractions),
+        critical=jnp.asarray(critical),
+    )
+
+
+def _critical(line: Line) -> float:
+    """[K] Where the densities of both phases meet: their difference goes with the cube root."""
+    first, last = (separation(unknowns) ** 3 for unknowns in line.unknowns[-2:])
+    return line.T[-1] + (line.T[-1] - line.T[-2]) * last / (first - last)
+
+
+def _fitted(phases: PhaseModel, mass_fractions, line: Line, ends) -> np.ndarray | None:
+    """(n + 1, panel, 2, nodes) coefficients of ln(p) and ln(rho) and their derivatives along a line."""
+    angles = np.pi * (np.arange(NODES) + 0.5) / NODES
+    s = np.cos(angles)
+    inverse = np.concatenate(
+        [1 / low + (s + 1) / 2 * (1 / high - 1 / low) for low, high in pairwise(ends)]
+    )
+    T = 1 / inverse
+    rows = [np.interp(-inverse, -1 / line.T, column) for column in line.unknowns.T]
+    z = np.tile(phases.model.mole_fractions(mass_fractions), (T.size, 1))
+    z = np.maximum(z, 1e-12)
+    found, good = solved(phases, z, Line(T, np.stack(rows, axis=1)))
+    if not good.all():
+        return None
+    values = line_slopes(phases, mass_fractions, found)
+    # (n + 1, 2, panel, nodes) at the nodes; their cosine transform has the coefficients
+    values = values.reshape(*values.shape[:2], 2, NODES)
+    cosines = np.cos(np.arange(NODES)[:, None] * angles) * 2 / NODES
+    cosines[0] /= 2
+    return np.moveaxis(values @ cosines.T, 1, 2)

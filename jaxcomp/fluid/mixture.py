@@ -1,0 +1,381 @@
+"""Mixtures by the Helmholtz energies of their components: blends, natural gas, process gas."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.errors import BadInput
+from .._core.fields import Bound, is_traced, quantity
+from .._core.roots import root
+from ._base import GasState, SmallSystem
+from ._blends import Blend, blend, component_name, stored_lines
+from ._helmholtz import Saturation, ideal_terms, residual_terms
+from ._multi_fluid import (
+    GERG,
+    REFERENCE,
+    MultiFluid,
+    Pair,
+    checked_pairs,
+    in_gerg,
+    multi_fluid,
+    pairs_of,
+)
+from ._real import NEAR_SATURATION, AbstractRealGas
+from ._saturation_lines import (
+    BUBBLE_DENSITY,
+    BUBBLE_PRESSURE,
+    DEW_DENSITY,
+    DEW_PRESSURE,
+    SaturationLines,
+    curve,
+    solve_lines,
+    temperature_of,
+)
+from ._transport import mixed_transport
+
+_ROUNDING = 1e-3  # of a sum of fractions: analyses and lists of blends print a tenth of a per cent
+_MARGIN = 1.02  # of the dew density, beyond which gas counts as wet, as of pure fluids
+
+Model = Literal["GERG-2008", "reference equations"]
+
+
+class Mixture(AbstractRealGas):
+    """A mixture of fluids by the Helmholtz energies of its components and of their pairs.
+
+    Its composition is that of what circulates, by mass or by amount, and an array like any other number:
+    derivatives to a fraction are those of the normalised composition, in which the others give way in
+    proportion. Dew and bubble line are solved when the mixture is made.
+
+    Args:
+        mass_fractions: [-] (n,) by mass, in the order of `components`; in Python also a table of them by
+            component. Their sum may be off by 1e-3.
+        mole_fractions: [-] (n,) by amount, instead of those by mass.
+        components: names of `fluids()`.
+        name: of a blend of ASHRAE 34, which needs no composition; else what the mixture is called.
+        model: "GERG-2008" for its own short equations, "reference equations" for those of the fluids;
+            absent: GERG-2008 where it has all components.
+        estimate_pairs: whether pairs without parameters are taken by Lorentz and Berthelot's rules.
+        lines: dew and bubble line of this composition, where they are known; else they are solved.
+
+    Raises:
+        BadInput: an unknown component or blend, a composition that is none, or a pair without parameters.
+    """
+
+    kind: ClassVar[str] = "mixture"
+
+    mass_fractions: Float[Array, " n"] = quantity(
+        "",
+        Bound(0.0, 1.0),
+        shape=(None,),
+        default=None,
+        doc="by mass, in the order of the components",
+    )
+    mole_fractions: Float[Array, " n"] | None = quantity(
+        "", Bound(0.0, 1.0), shape=(None,), default=None, doc="by amount, instead of those by mass"
+    )
+    components: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    name: str = eqx.field(static=True, default="")
+    model: Model | None = eqx.field(static=True, default=None)
+    estimate_pairs: bool = eqx.field(static=True, default=False)
+    lines: SaturationLines | None = eqx.field(default=None, repr=False)
+
+    def __init__(
+        self,
+        mass_fractions: Any = None,
+        mole_fractions: Any = None,
+        components: Sequence[str] | None = None,
+        name: str = "",
+        model: Model | None = None,
+        estimate_pairs: bool = False,
+        lines: SaturationLines | None = None,
+    ):
+        if mass_fractions is None and mole_fractions is None:
+            predefined = _blend_of(name)
+            mass_fractions, model = predefined.mass_fractions, model or REFERENCE
+        components, fractions, by_amount = _composition(mass_fractions, mole_fractions, components)
+        model = model or (GERG if in_gerg(components) else REFERENCE)
+        if model == GERG and not in_gerg(components):
+            outside = [one for one in components if not in_gerg([one])]
+            raise BadInput(
+                "model", f'"{model}"', f'"{REFERENCE}": GERG-2008 is without {outside[0]}'
+            )
+        checked_pairs(components, model, estimate_pairs, "name" if name else "components")
+        table = multi_fluid(components, model)
+        self.components, self.model, self.estimate_pairs = components, model, estimate_pairs
+        self.name = name or "/".join(components)
+        fractions = table.mass_fractions(fractions) if by_amount else fractions / fractions.sum()
+        self.mass_fractions = jnp.asarray(fractions)
+        self.mole_fractions = None
+        if is_traced(fractions):
+            raise BadInput(
+                "mass_fractions", "traced", "known where a mixture is made: its lines are solved"
+            )
+        known = np.asarray(fractions)
+        if lines is None and model == REFERENCE:
+            lines = stored_lines(components, known)
+        self.lines = lines or solve_lines(table, components, known)
+
+    @classmethod
+    def written(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Entries of a section of a file, whose table of fractions by component is two lists."""
+        for key in ("mass_fractions", "mole_fractions"):
+            fractions = table.get(key)
+            if (
+                isinstance(fractions, Mapping)
+                and "value" not in fractions
+                and "components" not in table
+            ):
+                rows = {"components": list(fractions), key: list(fractions.values())}
+                return {**table, **rows}
+        return table
+
+    # ------------------------------------------------------------------- composition
+    @property
+    def table(self) -> MultiFluid:
+        """Coefficients of the components and pairs."""
+        return multi_fluid(self.components or (), self.model or REFERENCE)
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """How the components mix, pair by pair, with the quality and source of the parameters."""
+        return pairs_of(self.components or (), self.model or REFERENCE)
+
+    @property
+    def _normalised(self):
+        return self.mass_fractions / self.mass_fractions.sum()
+
+    @property
+    def _amounts(self):
+        """(n,) mole fractions of the normalised composition."""
+        return self.table.mole_fractions(self.mass_fractions)
+
+    @property
+    def molar_mass(self) -> Float[Array, ""]:
+        """[kg/mol]"""
+        return self._amounts @ self.table.molar_mass
+
+    @property
+    def specific_gas_constant(self):
+        return self.table.gas_constant / self.molar_mass
+
+    @property
+    def temperature_range(self):
+        low, high, _ = self.table.limits
+        return low, high
+
+    # ------------------------------------------------------------------- states
+    def state(self, T, rho):
+        table, x = self.table, self._amounts
+        mass = x @ table.molar_mass
+        R, density = table.gas_constant / mass, rho / mass
+        T_r, v_r = table.reducing(x)
+        a0, a0_t, a0_tt = ideal_terms(table.ideal_at(x), 1 / T, density)
+        # A paper's own gas constant multiplies all of the component's ideal part, and so ln(rho) too.
+        a0 = a0 + (x @ table.ratio - 1) * jnp.log(density)
+        residual = residual_terms(table.residual_at(x), T_r / T, density * v_r)
+        ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual
+        return GasState(
+            T,
+            rho,
+            p=rho * R * T * (1 + ar_d),
+            u=R * T * (a0_t + ar_t),
+            s=R * (a0_t + ar_t - a0 - ar),
+            c_v=-R * (a0_tt + ar_tt),
+            dp_dT=rho * R * (1 + ar_d - ar_dt),
+            dp_drho=R * T * (1 + 2 * ar_d + ar_dd),
+        )
+
+    def transport(self, T, rho):
+        """Viscosity [Pa s] and thermal conductivity [W/(m K)] of the gas, by mixing rules: an estimate.
+
+        Against fits for blends and for air it errs by 4 and 16 %; laws of heat and leakage are no better.
+
+        Args:
+            T: [K] temperature.
+            rho: [kg/m^3] density.
+        """
+        x = self._amounts
+        _, v_r = self.table.reducing(x)
+        reduced = rho / (x @ self.table.molar_mass) * v_r
+        return mixed_transport(self.components or (), x, T, reduced)
+
+    def density(self, T, p):
+        """Density [kg/m^3] of the gas at a temperature `T` [K] and a pressure `p` [Pa].
+
+        Raises:
+            BadInput: a temperature out of the range of a component, or a pressure at which the mixture
+                condenses. Within `jit` the result is then near the limit of the metastable gas.
+        """
+        if not any(map(is_traced, (T, p, self.mass_fractions))):
+            low, high, most = self.table.limits
+            self._require("T", T, Bound(low, high), "K, the range of")
+            if self.condenses and np.all(np.less(T, self.critical_temperature)):
+                most = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
+            self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
+        return super().density(T, p)
+
+    # ------------------------------------------------------------------- saturation
+    @property
+    def condenses(self) -> bool:
+        return self.lines is not None
+
+    @property
+    def has_glide(self) -> bool:
+        return True
+
+    @property
+    def _lines(self) -> SaturationLines:
+        if self.lines is None:
+            bound = "of a mixture with a known dew line; give pressures and temperatures of the gas"
+            raise BadInput("fluid", self.name, bound)
+        return self.lines
+
+    @property
+    def lowest_temperature(self):
+        return self._lines.ends[0]
+
+    @property
+    def critical_temperature(self):
+        """[K] Where the lines end, at 0.985 of the temperature of the critical point."""
+        return self._lines.ends[2]
+
+    @property
+    def critical_pressure(self):
+        return self.dew_pressure(self.critical_temperature)
+
+    def dew_temperature(self, p):
+        return self._temperature(p, DEW_PRESSURE)
+
+    def dew_pressure(self, T):
+        return self._pressure(T, DEW_PRESSURE)
+
+    def bubble_temperature(self, p):
+        return self._temperature(p, BUBBLE_PRESSURE)
+
+    def bubble_pressure(self, T):
+        return self._pressure(T, BUBBLE_PRESSURE)
+
+    def _curve(self, which: int, *known):
+        """Coefficients of a curve, its ends, and the tools for them: NumPy where all is known."""
+        lines = self._lines
+        tools = jnp if any(map(is_traced, (lines.ends, self.mass_fractions, *known))) else np
+        ends = np.asarray(lines.ends) if tools is np else lines.ends
+        return lines.at(self._normalised, tools)[:, which], ends, tools
+
+    def _pressure(self, T, which: int):
+        coefficients, ends, tools = self._curve(which, T)
+        return tools.exp(curve(coefficients, ends, T, tools)[0])
+
+    def _temperature(self, p, which: int):
+        coefficients, ends, tools = self._curve(which, p)
+        if tools is np:
+            return temperature_of(coefficients, ends, np.log(p), np)
+
+        def misfit(T, inputs):
+            coefficients, ends, logarithm = inputs
+            # linear beyond the ends, where the curve itself stays level and has no inverse
+            value, slope = curve(coefficients, jax.lax.stop_gradient(ends), T)
+            inside = jnp.clip(T, ends[0], ends[2])
+            return value + slope * (T - inside) - logarithm
+
+        def solve(inputs):
+            return temperature_of(*inputs)
+
+        def inverse(logarithm):
+            return root(SmallSystem(misfit, solve, (coefficients, ends, logarithm)))
+
+        return jnp.vectorize(inverse)(jnp.log(p))
+
+    def bubble_of_dew(self, T):
+        return self.bubble_temperature(self.dew_pressure(T))
+
+    def boiling_density(self, T):
+        coefficients, ends, _ = self._curve(BUBBLE_DENSITY, jnp.asarray(T))
+        return jnp.exp(curve(jnp.asarray(coefficients), ends, T)[0])
+
+    def saturation(
+        self, T: Float[Array, ""] | None = None, p: Float[Array, ""] | None = None
+    ) -> Saturation:
+        """Saturation at a dew temperature `T` [K] or at a pressure `p` [Pa], by the lines.
+
+        `liquid` is the density on the bubble line at the same temperature.
+
+        Raises:
+            BadInput: one that is not on the lines; within `jit` it is not seen.
+        """
+        ends = self._lines.ends
+        if not is_traced(ends):
+            ends = np.asarray(ends)
+            if T is None and not is_traced(p):
+                low, high = (float(self.dew_pressure(end)) for end in (ends[0], ends[2]))
+                self._require("p", p, Bound(low, high), "Pa, on the dew line of")
+            elif T is not None and not is_traced(T):
+                self._require("T", T, Bound(ends[0], ends[2]), "K, on the dew line of")
+        return self._saturation(T, p)
+
+    @eqx.filter_jit
+    def _saturation(self, T, p) -> Saturation:
+        if T is None:
+            T = self._temperature(p, DEW_PRESSURE)
+        T = jnp.asarray(T)
+        pressure = self._pressure(T, DEW_PRESSURE) if p is None else jnp.asarray(p)
+        return Saturation(
+            T=T,
+            p=pressure,
+            liquid=self._pressure(T, BUBBLE_DENSITY),
+            vapour=self._pressure(T, DEW_DENSITY),
+            T_bubble=self._temperature(pressure, BUBBLE_PRESSURE),
+        )
+
+    def is_wet(self, T, rho):
+        if self.lines is None:
+            return super().is_wet(T, rho)
+        # the line of the composition that was solved: the margin covers what a tolerance moves it by
+        coefficients, ends, _ = self._curve(DEW_DENSITY, T)
+        dew = jnp.exp(curve(coefficients, ends, T)[0])
+        return (ends[2] > T) & (rho > _MARGIN * dew)
+
+
+def _blend_of(name: str) -> Blend:
+    if not name:
+        bound = "given, or mole_fractions, or the `name` of a blend of ASHRAE 34"
+        raise BadInput("mass_fractions", "absent", bound)
+    return blend(name)
+
+
+def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.ndarray, bool]:
+    """Names of the components, fractions (n,) in their order, and whether these are by amount.
+
+    Raises:
+        BadInput: a composition that is none.
+    """
+    if by_mass is not None and by_amount is not None:
+        raise BadInput("mole_fractions", "beside mass_fractions", "absent, or mass_fractions")
+    key = "mass_fractions" if by_amount is None else "mole_fractions"
+    fractions = by_mass if by_amount is None else by_amount
+    if isinstance(fractions, Mapping):
+        components, fractions = list(fractions), list(fractions.values())
+    if not components:
+        raise BadInput("components", "absent", "given, or a table of fractions by component")
+    names = tuple(component_name(one) for one in components)
+    fractions = np.asarray(fractions, float)
+    if fractions.shape != (len(names),):
+        raise BadInput(key, fractions, f"one for each of the {len(names)} components")
+    if len(set(names)) < len(names):
+        raise BadInput("components", ", ".join(names), "each named once")
+    if len(names) == 1:
+        bound = f'of two components at least: that is pure {names[0]}, type = "real_gas"'
+        raise BadInput("components", names[0], bound)
+    if {"R717", "water"} <= set(names):
+        raise BadInput("components", ", ".join(names), "no ammonia-water, which is not covered")
+    if not (np.isfinite(fractions) & (fractions >= 0)).all():
+        raise BadInput(key, fractions, "at least 0 each")
+    total = float(fractions.sum())
+    if abs(total - 1) > _ROUNDING:
+        raise BadInput(key, f"a sum of {total:.6g}", "fractions of sum 1, or percentages with %")
+    return names, fractions, by_amount is not None
