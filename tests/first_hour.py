@@ -148,6 +148,7 @@ TRANSMISSIBILITY = (
 RUNS_HEAD = "run,target,speed [rpm],amplitude [mm/s],phase [deg],trial [g mm],angle [deg]"
 BORE = 'bore = "50 mm"'
 FLUID = 'name = "R290"'
+REAL_GAS = f'type = "real_gas"\n{FLUID}'
 R290 = "refrigeration"
 
 FILES = {
@@ -265,6 +266,24 @@ FILES = {
         'heating = "18 K"', 'heating = "18 degC"', "heating", "K", kind=R290
     ),
     "common name of a fluid": _file(FLUID, 'name = "propan"', "fluid.name", "R290", kind=R290),
+    "blend with unknown pairs": _file(
+        FLUID, 'name = "R401A"', "fluid.name", "R22/R124", "estimate_pairs", kind=R290
+    ),
+    "blend in small letters": _file(FLUID, 'name = "r404a"', "fluid.name", "R404A", kind=R290),
+    "fractions that do not add up": _file(
+        REAL_GAS,
+        'type = "mixture"\nmass_fractions = { R32 = 68.9, R1234yf = 31.1 }',
+        "fluid.mass_fractions",
+        "%",
+        kind=R290,
+    ),
+    "unknown component": _file(
+        REAL_GAS,
+        'type = "mixture"\nmass_fractions = { R32 = 0.7, R1234yx = 0.3 }',
+        "R1234yx",
+        "R1234yf",
+        kind=R290,
+    ),
     "unknown fluid": _file(FLUID, 'name = "R1270x"', "fluid.name", "R1270x", "R290", kind=R290),
     "condensing above the critical point": _file(
         'condensing = "54.4 degC"',

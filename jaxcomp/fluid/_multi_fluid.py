@@ -383,7 +383,8 @@ def checked_pairs(
     if unknown and not estimate_pairs:
         told = " and ".join("/".join(pair.names) for pair in unknown)
         bound = (
-            f"of pairs with known parameters: there are none for {told}; `estimate_pairs = true` "
-            "takes Lorentz and Berthelot's rules for them, which may err by tens of per cent in pressure"
+            f"a mixture of pairs with known parameters; there are none for {told}. In a section of type "
+            '"mixture", `estimate_pairs = true` takes Lorentz and Berthelot\'s rules for them, which may '
+            "err by tens of per cent in pressure"
         )
         raise BadInput(name, ", ".join(components), bound)

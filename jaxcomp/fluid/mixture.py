@@ -123,16 +123,12 @@ class Mixture(AbstractRealGas):
     @classmethod
     def written(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
         """Entries of a section of a file, whose table of fractions by component is two lists."""
+        rows: dict[str, Any] = {}
         for key in ("mass_fractions", "mole_fractions"):
             fractions = table.get(key)
-            if (
-                isinstance(fractions, Mapping)
-                and "value" not in fractions
-                and "components" not in table
-            ):
-                rows = {"components": list(fractions), key: list(fractions.values())}
-                return {**table, **rows}
-        return table
+            if isinstance(fractions, Mapping) and "value" not in fractions:
+                rows |= {"components": list(fractions), key: list(fractions.values())}
+        return {**table, **rows} if rows else table
 
     # ------------------------------------------------------------------- composition
     @property
@@ -343,7 +339,7 @@ class Mixture(AbstractRealGas):
 
 def _blend_of(name: str) -> Blend:
     if not name:
-        bound = "given, or mole_fractions, or the `name` of a blend of ASHRAE 34"
+        bound = "a mixture with mass_fractions, mole_fractions, or the name of a blend of ASHRAE 34"
         raise BadInput("mass_fractions", "absent", bound)
     return blend(name)
 
@@ -377,5 +373,6 @@ def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.nd
         raise BadInput(key, fractions, "at least 0 each")
     total = float(fractions.sum())
     if abs(total - 1) > _ROUNDING:
-        raise BadInput(key, f"a sum of {total:.6g}", "fractions of sum 1, or percentages with %")
+        bound = f"fractions of sum 1, or percentages with %; these sum to {total:.6g}"
+        raise BadInput(key, fractions, bound)
     return names, fractions, by_amount is not None

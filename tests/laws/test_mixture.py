@@ -262,8 +262,8 @@ def test_the_bundle_has_its_fluids_and_blends():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"mass_fractions": {"R32": 0.7, "R1234yf": 0.31}}, r"sum 1.*a sum of 1\.01"),
-        ({"mass_fractions": {"R32": 68.9, "R1234yf": 31.1}}, "sum of 100"),
+        ({"mass_fractions": {"R32": 0.7, "R1234yf": 0.31}}, r"sum 1.*sum to 1\.01"),
+        ({"mass_fractions": {"R32": 68.9, "R1234yf": 31.1}}, "sum to 100"),
         ({"mass_fractions": {"R32": -0.1, "R1234yf": 1.1}}, "at least 0"),
         ({"mass_fractions": {"R32": np.nan, "R1234yf": 1.0}}, "at least 0"),
         ({"mass_fractions": {"R32": 1.0}}, "pure R32.*real_gas"),

@@ -278,19 +278,16 @@ def ideal_terms(terms: list[dict], critical: float) -> dict:
 def aly_lee_terms(term: dict) -> tuple[list[list[float]], np.ndarray, float]:
     """Rows of logarithms, lead and logarithmic coefficient of a heat capacity by hyperbolic functions.
 
-    n ln sinh z = n (z - ln 2) + n ln(1 - exp(-2 z)), -n ln cosh z the same with the other signs; value
-    and slope are zero at T0, as CoolProp's.
+    n ln sinh z = n (z - ln 2) + n ln(1 - exp(-2 z)), -n ln cosh z the same with the other signs. As in
+    CoolProp the linear part n (z - ln 2) is left out, which moves energy and entropy by constants, and the
+    constant part has value and slope of zero at T0.
     """
     constant, *pairs = term["c"]
     start, rows = term["Tc"] / term["T0"], []
     lead = np.array([constant - constant * np.log(start), -constant / start])
     for (n, temperature), sign in zip((pairs[:2], pairs[2:]), (-1.0, 1.0), strict=True):
-        rate = -2 * temperature / term["Tc"]
-        small = sign * np.exp(rate * start)
-        rows.append([-sign * n, 1.0, sign, rate])
-        value = -sign * n * np.log(1 + small)
-        slope = -sign * n * rate * small / (1 + small)
-        lead += slope * start - value, -slope
+        scale = temperature / term["Tc"]
+        rows.append([-sign * n, 1.0, sign, -2 * scale])
     return rows, lead, constant
 
 
