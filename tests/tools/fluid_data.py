@@ -279,8 +279,8 @@ def aly_lee_terms(term: dict) -> tuple[list[list[float]], np.ndarray, float]:
     """Rows of logarithms, lead and logarithmic coefficient of a heat capacity by hyperbolic functions.
 
     n ln sinh z = n (z - ln 2) + n ln(1 - exp(-2 z)), -n ln cosh z the same with the other signs. As in
-    CoolProp the linear part n (z - ln 2) is left out, which moves energy and entropy by constants, and the
-    constant part has value and slope of zero at T0.
+    CoolProp the linear part n (z - ln 2) is left out, which moves energy and entropy by constants; value
+    and slope of the constant part are zero at T0.
     """
     constant, *pairs = term["c"]
     start, rows = term["Tc"] / term["T0"], []
