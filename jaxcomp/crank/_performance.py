@@ -10,6 +10,7 @@ from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..cylinder import Cycle, Cylinder, SuctionWarming
 from ..cylinder.interface import SeveralCycles
+from ..fluid.interface import has_dew_line
 from ._orbit import Orbit
 
 # What the power of a compressor with valves is spent on.
