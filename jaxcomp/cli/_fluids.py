@@ -32,7 +32,7 @@ def list_fluids() -> tuple[dict[str, Any], list[Table]]:
     pure, rows = [], []
     for data in map(fluid_data, fluids()):
         limits = data["T_least"], data["T_most"]
-        pure.append({key: data[key] for key in keys} | {"range [K]": list(limits)})
+        pure.append({key: data[key] for key in keys} | {"lowest": limits[0], "highest": limits[1]})
         rows.append((bold(data["name"]), data["description"], _range(*limits), data["source"]))
     heads = ("Name", "What it is", "Range [degC]", "Equation of state")
     tables = [_words("Fluids", heads, rows)]
@@ -40,7 +40,7 @@ def list_fluids() -> tuple[dict[str, Any], list[Table]]:
     for blend in usable_blends():
         entry = blend_entry(blend.name)
         mixed.append(entry)
-        glide = entry["glide_at_0_degC [K]"]
+        glide = entry.get("glide")
         shown = "" if glide is None else f"{glide:.2f}"
         rows.append((bold(blend.name), blend.quality, _composition(blend.mass_fractions), shown))
     title = "Blends of ASHRAE 34; A: departure functions for all pairs, B: some pairs are fits"
@@ -67,15 +67,19 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
     if name in fluids():
         data = fluid_data(name)
         entry = {key: data[key] for key in ("name", "description", "source", "licence")}
-        entry |= {"range [K]": [data["T_least"], data["T_most"]], "p_most [Pa]": data["p_most"]}
-        entry |= {"critical_temperature [K]": data["T_critical"]}
-        rows = [(key, _text(value)) for key, value in entry.items()]
-        return entry, [_words(name, ("", ""), rows)]
+        rows = [(key, value) for key, value in entry.items()]
+        entry |= {"lowest": data["T_least"], "highest": data["T_most"]}
+        entry |= {"critical_temperature": data["T_critical"], "highest_pressure": data["p_most"]}
+        rows.append(("range", f"{_range(entry['lowest'], entry['highest'])} degC"))
+        rows.append(("critical temperature", f"{data['T_critical'] - ZERO_CELSIUS:.2f} degC"))
+        rows.append(("highest pressure", f"{data['p_most'] / 1e6:g} MPa"))
+        return {"fluids": [entry]}, [_words(name, ("", ""), rows)]
     entry = blend_entry(name)
     rows = [("Class", entry["class"]), ("By mass", _composition(entry["mass_fractions"], " %"))]
-    if entry["glide_at_0_degC [K]"] is not None:
-        rows.append(("Glide at 0 degC", f"{entry['glide_at_0_degC [K]']:.2f} K"))
-        rows.append(("Lines", f"{_range(*entry['lines [K]'])} degC"))
+    if "lowest" in entry:
+        rows.append(("Lines", f"{_range(entry['lowest'], entry['highest'])} degC"))
+    if "glide" in entry:
+        rows.append(("Glide at 0 degC", f"{entry['glide']:.2f} K"))
     if entry["without_equation"]:
         rows.append(("No equation of state", ", ".join(entry["without_equation"])))
     tables = [_words(name, ("", ""), rows)]
@@ -85,11 +89,11 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
             for pair in entry["pairs"]
         ]
         tables.append(_words(f"Pairs of {name}", ("Pair", "Parameters", "Source"), rows))
-    return entry, tables
+    return {"blends": [entry]}, tables
 
 
 def blend_entry(name: str) -> dict[str, Any]:
-    """Composition, class, glide, range of the lines and pairs of a blend."""
+    """Composition, class, glide at 0 degC, range of the lines and pairs of a blend."""
     from ..fluid import Mixture
     from ..fluid.interface import blends, pairs_of, without_equation
 
@@ -98,8 +102,6 @@ def blend_entry(name: str) -> dict[str, Any]:
         "name": name,
         "class": blend.quality,
         "mass_fractions": dict(blend.mass_fractions),
-        "glide_at_0_degC [K]": None,
-        "lines [K]": None,
         "without_equation": without_equation(blend),
         "pairs": [],
     }
@@ -115,10 +117,9 @@ def blend_entry(name: str) -> dict[str, Any]:
     mixture = Mixture(name=name)
     if mixture.lines is not None:
         low, _, high = np.asarray(mixture.lines.ends).tolist()
-        entry["lines [K]"] = [low, high]
+        entry |= {"lowest": low, "highest": high}
         if low < ZERO_CELSIUS < high:
-            bubble = float(mixture.bubble_of_dew(ZERO_CELSIUS))
-            entry["glide_at_0_degC [K]"] = ZERO_CELSIUS - bubble
+            entry["glide"] = ZERO_CELSIUS - float(mixture.bubble_of_dew(ZERO_CELSIUS))
     return entry
 
 
@@ -132,7 +133,3 @@ def _composition(fractions, unit: str = "") -> str:
 
 def _range(low: float, high: float) -> str:
     return f"{low - ZERO_CELSIUS:.0f} to {high - ZERO_CELSIUS:.0f}"
-
-
-def _text(value: Any) -> str:
-    return " to ".join(f"{one:g}" for one in value) if isinstance(value, list) else str(value)

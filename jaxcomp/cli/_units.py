@@ -38,7 +38,12 @@ _TEXTS = {
         errors: value {file}
     """,
     "cache": "programs; size {bytes}",
-    "list": "values.*|variables.*: value, given {beside}",
+    "list": """
+        values.*|variables.*: value, given {beside}
+        fluids: lowest, highest, critical_temperature [K]; highest_pressure [Pa]
+        blends: lowest, highest, glide [K]
+        blends.mass_fractions: *
+    """,
     "explain": "",
 }
 # Commands that print results of the library, whose classes have the units of their numbers.
