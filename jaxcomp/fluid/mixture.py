@@ -73,7 +73,7 @@ class Mixture(AbstractRealGas):
         Bound(0.0, 1.0),
         shape=(None,),
         default=None,
-        doc="by mass, in the order of the components",
+        doc="by mass, { R32 = 0.689, R1234yf = 0.311 } or in the order of the components",
     )
     mole_fractions: Float[Array, " n"] | None = quantity(
         "", Bound(0.0, 1.0), shape=(None,), default=None, doc="by amount, instead of those by mass"
@@ -82,7 +82,8 @@ class Mixture(AbstractRealGas):
     name: str = eqx.field(static=True, default="")
     model: Model | None = eqx.field(static=True, default=None)
     estimate_pairs: bool = eqx.field(static=True, default=False)
-    lines: SaturationLines | None = eqx.field(default=None, repr=False)
+    # no entry of a file: it follows from the composition
+    lines: SaturationLines | None = eqx.field(default=None, repr=False, metadata={"derived": True})
 
     def __init__(
         self,

@@ -145,7 +145,8 @@ def entries(part: type[Part]) -> dict[str, Entry]:
     """Entries of a section that describes a part of this class, by key."""
     hints = typing.get_type_hints(part)
     each = part.for_each_cylinder
-    return {f.name: _entry(f, hints[f.name], each) for f in dataclasses.fields(part) if f.init}
+    written = [f for f in dataclasses.fields(part) if f.init and not f.metadata.get("derived")]
+    return {f.name: _entry(f, hints[f.name], each) for f in written}
 
 
 @cache
