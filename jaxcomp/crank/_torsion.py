@@ -244,18 +244,20 @@ def train_torques(
 
 def _count_of_harmonics(chain: TorsionalChain, speed: Float[Array, "*n"]) -> int:
     """Harmonics that reach past the highest mode at the lowest of mean speeds [rad/s]."""
-    order = chain.natural_frequencies[-1] / jnp.min(speed)
-    if is_traced(order):
+    frequencies = chain.natural_frequencies
+    if is_traced(frequencies) or is_traced(speed):
         return _TRACED
+    # on the host: operations of JAX would each be a program of their own
+    order = np.asarray(frequencies)[-1] / np.min(np.asarray(speed))
     # few counts, since each has a program of its own
-    wanted = _STEP * np.ceil(_BEYOND * float(order) / _STEP)
+    wanted = _STEP * np.ceil(_BEYOND * order / _STEP)
     return int(min(max(wanted, _FEWEST), _MOST))
 
 
 def _cuts(orbit: Orbit, count: int) -> int:
     """Parts of every panel that are short beside a wave of the highest order."""
     width = orbit.panel_width
-    widest = np.pi / 2 if is_traced(width) else float(jnp.max(width))
+    widest = np.pi / 2 if is_traced(width) else float(np.max(np.asarray(width)))
     return int(np.ceil(count * widest / _PHASE))
 
 

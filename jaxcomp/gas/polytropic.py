@@ -2,6 +2,7 @@
 
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -76,7 +77,7 @@ class PolytropicCycle(AbstractGas):
     @property
     def delivers(self) -> Bool[Array, ""]:
         """Whether the compression reaches the discharge pressure, so that gas flows."""
-        return 1 + self.clearance_ratio > self.clearance_ratio * self._opening
+        return _delivers(self)
 
     @property
     def filling(self) -> Float[Array, ""]:
@@ -113,3 +114,9 @@ class PolytropicCycle(AbstractGas):
         discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
         suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
         return (discharge, True), (suction, False)
+
+
+@eqx.filter_jit  # one program where it is asked outside of others
+def _delivers(gas: PolytropicCycle) -> Bool[Array, ""]:
+    opening = gas._opening  # noqa: SLF001
+    return 1 + gas.clearance_ratio > gas.clearance_ratio * opening
