@@ -10,6 +10,7 @@ from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..cylinder import Cycle, Cylinder, SuctionWarming
 from ..cylinder.interface import SeveralCycles
+from ..fluid import GasState
 from ..fluid.interface import has_dew_line
 from ._orbit import Orbit
 
@@ -38,8 +39,9 @@ class Performance(Result, eqx.Module):
         heat: [W] by where it goes; the balance of energy of the whole machine. `refrigerant` is the mass
             flow times the rise of the enthalpy from the gas that comes to the gas behind the discharge
             valve, less what a law of warming takes from that. `surroundings` has the losses that do not
-            warm the gas, what the gas gives to the wall, and the heat that leaked gas brings back, less
-            a constant `heating`; negative where the shell has to be warmed.
+            warm the gas, what the gas gives to the wall, and the heat that leaked gas brings back where
+            no law warms the suction gas with it, less a constant `heating`; negative where the shell has
+            to be warmed.
         orbit: where the rest stands.
     """
 
@@ -98,6 +100,12 @@ def flow_of_gas(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
     return jnp.maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
 
 
+def compressed_as_it_comes(cycle: Cycle | SeveralCycles) -> GasState:
+    """The gas as it comes to the compressor after isentropic compression to the discharge line."""
+    case = cycle.case
+    return case.cylinder.fluid.at_entropy(case.discharge.p, case.comes.s, case.comes)
+
+
 def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     """Efficiencies and powers of a solved orbit.
 
@@ -111,8 +119,7 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     isentropic = work["isentropic"] * cycle.frequency
     before = jnp.zeros(())
     if case.cylinder.suction.heating is not None:
-        fluid, comes = case.cylinder.fluid, case.comes
-        rise = fluid.at_entropy(case.discharge.p, comes.s, comes).h - comes.h
+        rise = compressed_as_it_comes(cycle).h - case.comes.h
         before, isentropic = isentropic, cycle.mass_flow * rise
         before -= isentropic
     shaft = orbit.motor_power
@@ -149,14 +156,25 @@ def _heat(
     if law is None:
         warmed = cycle.mass_flow * (case.suction.h - case.comes.h)
     else:
-        hot = cycle.discharge_temperature
-        refrigerant -= law.from_discharge(case.comes, hot, flow_of_gas(cycle))
-        warmed = law.loss_share * loss
+        compressed = compressed_as_it_comes(cycle).T
+        refrigerant -= law.from_discharge(case.comes, compressed, flow_of_gas(cycle))
+        warmed = law.loss_share * loss + returned_heat(cycle)
     from_gas = _heat_of_leakage(cycle) + _heat_of_back_flow(cycle) - cycle.totals.heat
     return {
         "refrigerant": refrigerant,
         "surroundings": loss + from_gas * cycle.frequency - warmed,
     }
+
+
+def returned_heat(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
+    """[W] That gas brings back to the suction gas from the cylinder, past the piston or its valve.
+
+    What flows back through the valve into a plenum stays in the gas of that.
+    """
+    heat = _heat_of_leakage(cycle)
+    if not cycle.case.cylinder.suction.plenums:
+        heat += _heat_of_back_flow(cycle)
+    return heat * cycle.frequency
 
 
 def _heat_of_leakage(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:

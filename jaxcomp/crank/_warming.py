@@ -10,7 +10,13 @@ from .._core.fields import replaced
 from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ._orbit import Orbit
-from ._performance import electric_power, flow_of_gas, law_of
+from ._performance import (
+    compressed_as_it_comes,
+    electric_power,
+    flow_of_gas,
+    law_of,
+    returned_heat,
+)
 
 # [K] At the beginning, where the line says nothing.
 _FIRST = 15.0
@@ -52,6 +58,7 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     comes = cycle.case.comes
     flow = flow_of_gas(cycle)
     loss = electric_power(here, orbit) - orbit.gas_power
-    heat = law.heat(comes, cycle.discharge_temperature, flow, loss)
+    compressed = compressed_as_it_comes(cycle)
+    heat = law.heat(comes, compressed.T, flow, loss, returned_heat(cycle))
     heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
     return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T

@@ -40,7 +40,12 @@ def heats(machine, orbit):
     loss = performance(machine, orbit).electric_power - orbit.gas_power
     law = machine.gas.suction.warming
     gained = cycle.mass_flow * (case.suction.h - case.comes.h)
-    return gained, law.heat(case.comes, cycle.discharge_temperature, cycle.mass_flow, loss)
+    fluid = case.cylinder.fluid
+    compressed = fluid.at_entropy(case.discharge.p, case.comes.s, case.comes).T
+    leaked = cycle.totals.leakage_heat - cycle.totals.leakage * case.suction.h
+    back = cycle.totals.suction * case.suction.h - cycle.totals.suction_heat
+    returned = (leaked + back) * cycle.frequency
+    return gained, law.heat(case.comes, compressed, cycle.mass_flow, loss, returned)
 
 
 def of_factors(factors):

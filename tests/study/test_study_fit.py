@@ -110,6 +110,19 @@ def test_of_a_weak_direction_of_many_parameters_three_are_told():
     assert direction.words.endswith(" others by less")
 
 
+def test_a_move_without_a_solution_is_told_by_the_slopes():
+    """The model ends just beyond the estimate, within the move of 10 % of the weakest direction."""
+    parameters = (Parameter("a", 0.1, 10.0, 1.0), Parameter("b", 0.1, 10.0, 1.0))
+    inner = of(lambda p: jnp.concatenate([p[:1] * p[1:], 0.01 * p]))
+
+    def model(p):
+        value, slope = inner(p)
+        return (value if p.max() < 1.02 else np.full(3, np.nan)), slope
+
+    weakest = fit(model, parameters, np.array([1.0, 0.01, 0.01]), np.full(3, 0.01)).directions[-1]
+    assert weakest.effect == pytest.approx(0.1 * np.sqrt(2), rel=1e-6)
+
+
 def test_a_prior_is_a_reading_of_the_parameter():
     known = Parameter("n", 1.01, 1.6, 1.2, 1.15, 0.02, log=False)
     found = fit(MODEL, (UNKNOWN[0], known, UNKNOWN[2]), MEASURED, SD)

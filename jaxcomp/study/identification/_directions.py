@@ -56,7 +56,9 @@ def directions_of(problem: LeastSquares, t: NDArray, slope: NDArray) -> Iterator
         if (weak or unidentifiable or last) and not problem.interrupted:
             # of the finite move where it is told
             moved, here = (problem.at(at)[0][: slope.shape[0]] for at in (t + move * unit, t))
-            effect = float(np.linalg.norm(moved - here))
+            finite = float(np.linalg.norm(moved - here))
+            # by the slopes where the machine so moved has no solution at some point
+            effect = finite if np.isfinite(finite) else effect
         yield Direction(
             float(value),
             entries,
@@ -82,4 +84,6 @@ def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
     first, rest = parts[0], parts[1:]
     words = first + (f" with {' and '.join(rest)}" if rest else "")
     others = len(told) - len(parts)
-    return words + (f", and {others} others by less" if others else "")
+    if others:
+        words += f", and {others} other{'s' if others > 1 else ''} by less"
+    return words

@@ -7,12 +7,12 @@ _WORDS = {
     "gas.clearance_ratio": "clearance",
     "gas.leakage.gap": "leakage gap",
     "gas.suction.heating": "suction heating",
-    "gas.suction.warming.loss_share": "share of the losses that warms the suction gas",
-    "gas.suction.warming.discharge_conductance": "conductance from the discharge to the suction gas",
+    "gas.suction.warming.loss_share": "warming by losses",
+    "gas.suction.warming.discharge_conductance": "warming by the discharge side",
     "gas.wall_temperature": "wall temperature",
     "motor.losses.efficiency": "motor efficiency",
-    "motor.losses.fixed_power": "fixed electric power",
-    "friction.*.coefficient": "all coefficients of friction",
+    "motor.losses.fixed_power": "fixed power",
+    "friction.*.coefficient": "friction",
 }
 _OF_VALVE = re.compile(r"gas\.(suction|discharge|\*)_valve\.(\w+)")
 
