@@ -2,13 +2,19 @@
 
 import dataclasses
 
+import equinox as eqx
+import numpy as np
 import pytest
 from crank.test_warming import SOLVER, warmed
+from cylinder.test_cylinders_with_valves import TWIN
+from cylinder.test_shared_plenums import SOLVER as SHARED
+from cylinder.test_shared_plenums import twin
 from cylinder.test_transient_valves import BEHIND, MUFFLER, with_plenums
 
 from jaxcomp import load, solve_orbit
 from jaxcomp.crank import performance
 from jaxcomp.cylinder import LaminarGap, WallNetwork
+from jaxcomp.scene import with_value, with_values
 
 # The iteration of the rise stops at 1e-10 of 100 K, of 5 to 60 K here; without a law the cycle's own
 # balance is left, 1e-10 on the panels of these machines.
@@ -80,3 +86,38 @@ def test_power_becomes_heat_with_plenums_and_a_wall_network():
     machine = dataclasses.replace(machine, gas=dataclasses.replace(gas, walls=walls))
     orbit, answer = balance_of(machine, SOLVER)
     assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_in_two_unequal_cylinders_with_a_law_of_warming():
+    """Their flows, losses and leaked gas warm what both draw."""
+    law = {"discharge_conductance": "0.1 W/K", "loss_share": 0.3}
+    scene = with_values(load("r134a-7cc"), TWIN)
+    scene = with_value(scene, "mechanism.bore", ["22 mm", "24 mm"])
+    scene = with_value(with_value(scene, "gas.suction.heating", None), "gas.suction.warming", law)
+    machine = scene.as_compressor()
+    orbit, answer = balance_of(machine)
+    assert orbit.cycle.each.mass_flow.shape == (2,)
+    assert abs(answer.heat_closure) < CLOSED
+    # the law acts: without it the refrigerant would have what the shell has now
+    assert float(orbit.cycle.case.suction.T - orbit.cycle.case.comes.T) > 2.0
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_in_cylinders_that_share_their_plenums():
+    machine = dataclasses.replace(twin(np.pi), motor=warmed().motor)
+    orbit, answer = balance_of(machine, SHARED)
+    assert orbit.cycle.together is not None
+    assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_where_the_cycle_is_marched():
+    machine = warmed(leakage=LaminarGap(1.5e-5, 12e-3, 1.9e-5))
+    machine = eqx.tree_at(
+        lambda c: c.gas.suction_valve.port_length, machine, None, is_leaf=lambda x: x is None
+    )
+    orbit, answer = balance_of(machine, SOLVER)
+    assert orbit.cycle.solver == "march"
+    # the rise is within 1e-6 of 100 K of what follows from it, and the march repeats within 1e-7
+    assert abs(answer.heat_closure) < 1e-5
