@@ -167,7 +167,7 @@ def _heat(
 
 
 def returned_heat(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
-    """[W] That gas brings back to the suction gas from the cylinder, past the piston or its valve.
+    """[W] Heat that gas brings back to the suction gas, past the piston or through its valve.
 
     What flows back through the valve into a plenum stays in the gas of that.
     """

@@ -28,7 +28,7 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
     "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
     "gas.leakage.gap": (0.1, 4.0, 0.5),
-    # 0.2 to 1.8 for 0.65: beyond what a port has by itself, since the size of the ports is not known either
+    # 0.2 to 1.8 for 0.65, beyond what a port has by itself: the size of the ports is not known either
     "gas.suction_valve.flow_coefficient": (0.31, 2.77, 0.7),
     "gas.discharge_valve.flow_coefficient": (0.31, 2.77, 0.7),
 }
