@@ -125,8 +125,9 @@ def rated_with_subcooled_liquid(readings):
     """Capacity there rated with liquid that is 8.3 K subcooled, while the file says 0 K."""
     fluid = RealGas(readings.fluid)
     rises = jax.jit(jax.vmap(lambda *point: capacity_rise(fluid, *point)))
-    stated = rises(readings.evaporating, readings.useful, readings.liquid)
-    rated = rises(readings.evaporating, readings.useful, readings.liquid - 8.3)
+    at = readings.evaporating, readings.condensing, readings.useful
+    stated = rises(*at, readings.liquid)
+    rated = rises(*at, readings.liquid - 8.3)
     return scaled(readings, "capacity", np.asarray(rated / stated))
 
 
