@@ -146,6 +146,8 @@ class Part(eqx.Module):
 
     # Whether a single number may be a list with one value for each of several cylinders.
     for_each_cylinder: ClassVar[bool] = False
+    # Numbers with which something is solved when the part is made: studies do not move them.
+    of_construction: ClassVar[tuple[str, ...]] = ()
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         """Rules across fields, as {"what must hold": whether it holds}.

@@ -127,6 +127,9 @@ def variable(
     else:
         unit, bound = _declared(design, name)
         steps = _steps(name)
+        if _of_construction(design, steps):
+            bound = "a number that studies move; a composition is one of the machine, give it there"
+            raise BadInput(name, "fixed", bound)
         if _follows(design, name):
             raise BadInput(
                 name, "derived", "a number that is given: this one follows from the rotor"
@@ -155,7 +158,11 @@ def variable_names(design: Machine) -> list[str]:
         names.append(name)
     for path, tree in _roots(design).items():
         names += [f"{path}{name}" for name in _numbers(tree)]
-    names = [name for name in names if not _follows(design, name)]
+    names = [
+        name
+        for name in names
+        if not _follows(design, name) and not _of_construction(design, _steps(name))
+    ]
     return names + [
         f"{CORRECTIONS}.{plane}.{axis}"
         for plane in design.corrections
@@ -201,6 +208,15 @@ def list_length(design: Machine, name: str) -> int:
         return 0
     value = walk(design, name.split("."))
     return len(value) if jnp.ndim(value) else 0
+
+
+def _of_construction(design: Machine, steps: Sequence[str]) -> bool:
+    """Whether a number belongs to what is solved when its part is made."""
+    for count in range(1, len(steps)):
+        owner = walk(design, steps[:count])
+        if isinstance(owner, Part) and steps[count] in owner.of_construction:
+            return True
+    return False
 
 
 def _follows(design: Machine, name: str) -> bool:
