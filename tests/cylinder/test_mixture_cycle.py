@@ -1,0 +1,76 @@
+"""A cylinder with valves on a blend: derivatives to its composition, one program for all of them."""
+
+import dataclasses as dc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import load
+from jaxcomp.cylinder import solve_cycle
+from jaxcomp.fluid import Mixture
+
+SPEED = 309.0  # [rad/s]
+
+
+def cylinder(machine, fluid: Mixture):
+    """At evaporating -10 and condensing 45 degC, superheat 10 K, no subcooling."""
+    suction = dc.replace(
+        machine.gas.suction, pressure=None, temperature=None, evaporating=263.15, superheat=10.0
+    )
+    discharge = dc.replace(
+        machine.gas.discharge,
+        pressure=None,
+        temperature=None,
+        condensing=318.15,
+        liquid_temperature=None,
+        subcooling=0.0,
+    )
+    return dc.replace(machine.gas, fluid=fluid, suction=suction, discharge=discharge)
+
+
+@pytest.mark.slow  # a minute and a half of compilation
+def test_derivatives_to_the_composition_agree_with_blends_solved_anew():
+    """Of work, capacity and their ratio, through valves, rating point and both lines of R454B."""
+    machine, fluid = load("r134a-7cc").as_compressor(), Mixture(name="R454B")
+    gas = cylinder(machine, fluid)
+    programs = []
+
+    def results(gas):
+        cycle = solve_cycle(gas, machine.mechanism, SPEED, throw=False)
+        ratio = cycle.capacity / cycle.indicated_work
+        return jnp.stack([cycle.indicated_work, cycle.capacity, ratio, cycle.mass_flow])
+
+    @eqx.filter_jit
+    def solved(gas):
+        programs.append(1)
+        return results(gas)
+
+    w = np.asarray(fluid.mass_fractions)
+    # the first up, the other down
+    direction = np.array([1.0, -1.0])
+
+    def other(change):
+        composition = dict(zip(fluid.components, w + change * direction, strict=True))
+        return np.asarray(
+            solved(cylinder(machine, Mixture(mass_fractions=composition, name="R454B")))
+        )
+
+    step = 1e-4
+    near = other(step) - other(-step)
+    far = other(2 * step) - other(-2 * step)
+    differences = (8 * near - far) / (12 * step)
+    assert len(programs) == 1
+
+    @jax.jit
+    def along(change):
+        moved = jnp.asarray(w) + change * jnp.asarray(direction)
+        return results(eqx.tree_at(lambda gas: gas.fluid.mass_fractions, gas, moved))
+
+    slopes = jax.jit(jax.jacfwd(along))(0.0)
+    # The flow hardly follows the composition, and differences have its rounding: over the flow itself.
+    size = np.abs(differences)
+    size[3] = float(along(0.0)[3])
+    np.testing.assert_array_less(np.abs(slopes - differences) / size, 1e-6)
