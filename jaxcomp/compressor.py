@@ -140,7 +140,8 @@ def _check_lists(compressor: Compressor) -> None:
 
 def _check_ports(compressor: Compressor) -> None:
     """That the ports of valves are narrower than the piston."""
-    gas, mechanism = compressor.gas, compressor.mechanism
+    gas = compressor.gas
+    mechanism = compressor.mechanism
     if not isinstance(gas, Cylinder):
         return
     fits = zip(("suction_valve", "discharge_valve"), ports_fit(gas, mechanism), strict=True)
@@ -255,13 +256,16 @@ def of_each_cylinder(
         angle: [rad] of the crank.
         sense: +1 while the crank turns forward, -1 while it turns backward.
     """
-    crankshaft, gravity = compressor.crankshaft, compressor.gravity
+    crankshaft = compressor.crankshaft
+    gravity = compressor.gravity
     mechanism = crankshaft.each(compressor.mechanism, angle)
     own = crankshaft.own_angle(angle)
     kinematics = mechanism.kinematics(own)
-    pressure, force = None, jnp.zeros_like(own)
+    pressure = None
+    force = jnp.zeros_like(own)
     if compressor.gas is not None:
-        area, stroke = mechanism.piston_area, _stroke(mechanism, own, kinematics, sense)
+        area = mechanism.piston_area
+        stroke = _stroke(mechanism, own, kinematics, sense)
         gas = crankshaft.each(compressor.gas, angle)
         pressure, across = gas.on_piston(stroke, area)
         force = across * area
@@ -287,7 +291,8 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
     Raises:
         BadInput: no inertia of the crankshaft, as in a machine that is not put together yet.
     """
-    crankshaft, gravity = compressor.crankshaft, compressor.gravity
+    crankshaft = compressor.crankshaft
+    gravity = compressor.gravity
     if crankshaft.inertia is None:
         raise BadInput("crankshaft.inertia", "absent", "given, or a machine with a rotor")
     each = of_each_cylinder(compressor, angle, sense)
@@ -325,7 +330,8 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
     `sense` is +1 while the crank turns forward, -1 while it turns backward.
     """
     crankshaft = compressor.crankshaft
-    mechanism, own = crankshaft.each(compressor.mechanism, angle), crankshaft.own_angle(angle)
+    mechanism = crankshaft.each(compressor.mechanism, angle)
+    own = crankshaft.own_angle(angle)
     return _stroke(mechanism, own, mechanism.kinematics(own), sense)
 
 
@@ -396,7 +402,8 @@ def loop_of(
         gas: [N] gas force of each cylinder.
         kinematics: of the linkages at these angles, where the caller has them already.
     """
-    crankshaft, mechanism = compressor.crankshaft, compressor.mechanism
+    crankshaft = compressor.crankshaft
+    mechanism = compressor.mechanism
     if kinematics is None:
         own = crankshaft.own_angle(state.angle)
         kinematics = crankshaft.each(mechanism, state.angle).kinematics(own)
@@ -407,7 +414,8 @@ def loop_of(
 
 def mechanisms_of(compressor: Compressor) -> list[AbstractMechanism]:
     """The mechanism of every cylinder; cylinders that are alike have one and the same."""
-    mechanism, count = compressor.mechanism, compressor.crankshaft.count
+    mechanism = compressor.mechanism
+    count = compressor.crankshaft.count
     each = [of_cylinder(mechanism, i + 1) for i in range(count if listed(mechanism) else 1)]
     return each * (count // len(each))
 
@@ -429,7 +437,8 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     mechanism = compressor.mechanism
     top, bottom = mechanism.dead_centres()
     phase = compressor.crankshaft.distinct_phase
-    angles, many = [bottom], []
+    angles = [bottom]
+    many = []
     if not compressor.frictionless:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:

@@ -17,7 +17,9 @@ class BadInput(ValueError):
     """
 
     def __init__(self, field: str, value: Any, bound: str):
-        self.field, self.value, self.bound = field, value, bound
+        self.field = field
+        self.value = value
+        self.bound = bound
         shown = value_text(value)
         obvious = shown == "absent" and bound.startswith("given")
         but = f", but is {shown}" if shown and not obvious else ""

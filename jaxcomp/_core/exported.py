@@ -145,7 +145,8 @@ def _program(function: Callable, rest: tuple, structure: Any) -> Callable[[list]
     places = [place for place, one in enumerate(out) if isinstance(one, _Hole)]
 
     def program(leaves):
-        filled, given = list(out), [leaves[i] for i in arrays]
+        filled = list(out)
+        given = [leaves[i] for i in arrays]
         try:
             values = compiled(*given)
         except ValueError:  # arrays on another device

@@ -173,7 +173,8 @@ class Part(eqx.Module):
 
     def __check_init__(self):
         for name, field in quantities(self):
-            value, declared = getattr(self, name), field.metadata
+            value = getattr(self, name)
+            declared = field.metadata
             if value is None:
                 continue
             if isinstance(value, str):

@@ -24,7 +24,8 @@ STOPPED = 130
 _HEARD = {signal.SIGINT: STOPPED, signal.SIGTERM: 128 + signal.SIGTERM}
 # [s] The main thread has to put away what it began.
 _GRACE = 1.5
-_CLEAR_LINE, _SHOW_CURSOR = "\r\x1b[K", "\x1b[?25h"
+_CLEAR_LINE = "\r\x1b[K"
+_SHOW_CURSOR = "\x1b[?25h"
 _IMPORT = "<frozen importlib._bootstrap>"
 # `interrupted` is the status of the signal that came, 0 before one has.
 _state = {"words": "stopped", "interrupted": 0, "raised": 0}
@@ -92,7 +93,8 @@ def ends_when_interrupted() -> Iterator[None]:
         if not issubclass(what.exc_type, KeyboardInterrupt):
             hook(what)
 
-    hook, sys.unraisablehook = sys.unraisablehook, unraisable
+    hook = sys.unraisablehook
+    sys.unraisablehook = unraisable
     _state.update(words="stopped", interrupted=0, raised=0)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     for number in heard:

@@ -87,7 +87,8 @@ class _Keyed:
     """Puts units into keys; knows those that the result itself says, for names and for its whole."""
 
     def __init__(self, result: dict[str, Any]):
-        self.root, self.named = result, {}
+        self.root = result
+        self.named = {}
         for value in result.values():
             for one in value if isinstance(value, list | tuple) else [value]:
                 self._learn(one)
@@ -105,7 +106,8 @@ class _Keyed:
             return [self.of(one, table) for one in value]
         if not isinstance(value, dict):
             return value
-        out, table = {}, value.units if isinstance(value, _OfResult) else table
+        out = {}
+        table = value.units if isinstance(value, _OfResult) else table
         for key, inner in value.items():
             of_result = isinstance(inner, _OfResult)
             told = {} if of_result else table.get(key, table.get("*", {}))
@@ -174,23 +176,29 @@ SCHEMAS = {
     "numbers": _any_depth("numbers", {"type": ["number", "null"]}),
     "stated": _any_depth("stated", {"type": ["number", "string", "boolean", "null"]}),
 }
-_WORDS, _NUMBERS = {"$ref": "#/$defs/words"}, {"$ref": "#/$defs/numbers"}
+_WORDS = {"$ref": "#/$defs/words"}
+_NUMBERS = {"$ref": "#/$defs/numbers"}
 
 
 def schema_of(table: Table) -> dict[str, Any]:
     """JSON schema of an object with these units in its keys; refers to `SCHEMAS` in `$defs`."""
-    properties, patterns, others = {}, {}, _WORDS
+    properties = {}
+    patterns = {}
+    others = _WORDS
     for key, told in table.items():
         if not isinstance(told, str):
             inner = _listed(schema_of(told))
-            key_is, schema = key, {"anyOf": [inner, _WORDS]}
+            key_is = key
+            schema = {"anyOf": [inner, _WORDS]}
         elif told in OF_THE_WHOLE:
             patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {"description": f"in the unit of `{told}`"}
             continue
         elif isinstance(told, Said):
-            key_is, schema = key, {"$ref": "#/$defs/stated", "description": str(told)}
+            key_is = key
+            schema = {"$ref": "#/$defs/stated", "description": str(told)}
         else:
-            key_is, schema = f"{key} [{told}]" if told else key, _NUMBERS
+            key_is = f"{key} [{told}]" if told else key
+            schema = _NUMBERS
         if key == "*" and told and key_is != key:
             patterns[rf" \[{re.escape(told)}\]$"] = schema
         elif key == "*":

@@ -70,7 +70,8 @@ def legendre_columns(x: Float[Array, "*n"], count: int) -> Float[Array, "count *
     Bonnet's recurrence for polynomials that begin with $x^k$, whose fewer operations count in programs,
     which have this for every pressure and speed; their leading coefficients follow at the end.
     """
-    columns, leading = [jnp.ones_like(x), x], [1.0, 1.0]
+    columns = [jnp.ones_like(x), x]
+    leading = [1.0, 1.0]
     for k in range(1, count - 1):
         columns.append(x * columns[k] - k**2 / (4 * k**2 - 1) * columns[k - 1])
         leading.append(leading[k] * (2 * k + 1) / (k + 1))

@@ -44,7 +44,9 @@ _LOOK = 16 * 2**20
 # 256 kB; an entry that ends a process all the same is not loaded again.
 _MOST_KERNELS = 6000 if __version_info__ < (0, 10) else sys.maxsize
 _PACKAGE = Path(__file__).parents[1]
-_ENTRY, _ASIDE, _LOADING = ".program", ".aside", ".loading"
+_ENTRY = ".program"
+_ASIDE = ".aside"
+_LOADING = ".loading"
 # Names that this module gives; a file of any other name is somebody else's.
 _FOLDER = re.compile(r"[0-9a-f]{32}")
 _FILE = re.compile(rf"[0-9a-f]{{64}}({_ENTRY}|{_LOADING})|tmp\w{{1,16}}{_ASIDE}")
@@ -131,7 +133,8 @@ def _compiled(
     computation.operation.write_bytecode(file=text)
     code = text.getvalue()
     ours = _is_ours(code)
-    path, by_caller = None, _by_caller.get()
+    path = None
+    by_caller = _by_caller.get()
     if ours and not callbacks and not by_caller:
         path = _path(computation, devices, options, backend)
     if path is not None and (found := read(path)):
@@ -321,7 +324,8 @@ def read(path: Path) -> bytes | None:
         with open(os.open(path, flags), "rb") as file:
             if _untrusted(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
-            said, data = file.read(32), file.read()
+            said = file.read(32)
+            data = file.read()
         if said == _sum(path, data):
             with contextlib.suppress(OSError):
                 # What was read longest ago goes first, see `_make_room`.
@@ -335,7 +339,8 @@ def read(path: Path) -> bytes | None:
 
 def write(path: Path, program: bytes) -> None:
     """Keep a program: written aside and renamed, so that nobody reads half of it."""
-    data, aside = zlib.compress(program, 1), None
+    data = zlib.compress(program, 1)
+    aside = None
     try:
         path.parent.mkdir(mode=0o700, exist_ok=True)
         handle, aside = tempfile.mkstemp(_ASIDE, dir=path.parent)  # nobody else may open it
@@ -360,7 +365,8 @@ def _sum(path: Path, data: bytes) -> bytes:
 
 def _make_room(root: Path) -> None:
     """Remove what was read longest ago, until the rest has room, and what was left half written."""
-    size, old = 0, time.time() - _ABANDONED
+    size = 0
+    old = time.time() - _ABANDONED
     for path, status in sorted(_files(root), key=lambda one: -one[1].st_mtime):
         size += status.st_size
         if size > _LIMIT or (path.suffix != _ENTRY and status.st_mtime < old):

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any
 
 # [s] Compiling for longer than this is told; between two lines of progress.
-_AFTER, _EVERY = 2.0, 10.0
+_AFTER = 2.0
+_EVERY = 10.0
 # [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
 _PER_BYTE = 4e-5
 _PACKAGE = str(Path(__file__).parents[1])
@@ -33,7 +34,8 @@ _UNNAMED = (f"{os.sep}cli{os.sep}", f"{os.sep}_core{os.sep}", "__main__.py")
 class _Compiles:
     """Whether compiling is told, and for which machine."""
 
-    told, machine = False, ""
+    told = False
+    machine = ""
     status: Any = None  # of rich, which shows that something goes on; it says what compiles
 
 
@@ -81,9 +83,11 @@ def compiling(size: int, kept: bool = False) -> Iterator[None]:
 
 def _called() -> str:
     """Task of the outermost function of this package that runs and has a public name."""
-    frame, name = sys._getframe(1), ""
+    frame = sys._getframe(1)
+    name = ""
     while frame is not None:
-        file, word = frame.f_code.co_filename, frame.f_code.co_name
+        file = frame.f_code.co_filename
+        word = frame.f_code.co_name
         if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
             inner = word.startswith(("_", "<")) or "<locals>" in frame.f_code.co_qualname
             name = name if inner else word
@@ -117,7 +121,9 @@ class _CompileTime:
 
     def __init__(self):
         self.seconds = 0.0  # in all
-        self._lock, self._running, self._begun = threading.Lock(), 0, 0.0
+        self._lock = threading.Lock()
+        self._running = 0
+        self._begun = 0.0
 
     def __enter__(self) -> None:
         with self._lock:
@@ -153,7 +159,10 @@ class Progress:
         bar=None,
         told: float | None = None,
     ):
-        self._text, self._total, self._unit, self._bar = text, total, unit, bar
+        self._text = text
+        self._total = total
+        self._unit = unit
+        self._bar = bar
         begun = time.monotonic()
         self._told = begun if told is None else told
         self._start = begun - compile_time.seconds, done
@@ -175,12 +184,14 @@ class Progress:
         now = time.monotonic()
         here = now - compile_time.seconds, done
         if done < self._last[1]:
-            self._start, self._first = (self._last[0], 0), None
+            self._start = (self._last[0], 0)
+            self._first = None
         begun, before = self._first or self._start
         if self._first is None and done > before:
             self._first = here
         self._last = here
-        left, least = "", "at most " if most else ""
+        left = ""
+        least = "at most " if most else ""
         if self._total and done > before:
             seconds = (self._total - done) * max(here[0] - begun, 0.0) / (done - before)
             # what rounds to nothing is left out: after the first piece it may be compiling alone

@@ -321,7 +321,8 @@ class _Own:
     """
 
     def __init__(self, name: str, function: Callable[[Any], Any]):
-        self.name, self.function = name, function
+        self.name = name
+        self.function = function
 
     def __call__(self, result: Any) -> Any:
         from .errors import BadInput
@@ -360,7 +361,8 @@ def _no_number(value: Any) -> str:
     """Reason why a value is not one real number, in words; "" if it is one."""
     if isinstance(value, bool | int | float):
         return ""
-    shape, kind = getattr(value, "shape", None), getattr(getattr(value, "dtype", None), "kind", "")
+    shape = getattr(value, "shape", None)
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
     if shape is None or kind not in "biuf":
         return f"a {type(value).__name__} comes back where a number is wanted"
     return f"an array of shape {shape} comes back where a number is wanted" if shape else ""

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 _PACKAGE = __name__.partition(".")[0]
 _FORMAT = f"{_PACKAGE} result"
 # [bytes] What a file of a result unpacks to at most, of which its structure is a part.
-_LARGEST, _LARGEST_HEAD = 2 * 10**9, 2 * 10**8
+_LARGEST = 2 * 10**9
+_LARGEST_HEAD = 2 * 10**8
 
 
 class Data(NamedTuple):
@@ -178,7 +179,8 @@ class Result:
         """All quantities in SI units, with their units in the attributes."""
         import xarray
 
-        variables, coordinates = {}, set()
+        variables = {}
+        coordinates = set()
         for one in self._checked():
             values = np.asarray(one.values)
             batch = [f"design_{n}" for n in range(values.ndim - len(one.dims))]
@@ -293,7 +295,8 @@ class Plots:
     def _functions(self) -> dict[str, tuple[Any, str]]:
         """Functions by name, each with the parameter that takes the result."""
         plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
-        found, kind = {}, type(self._result)
+        found = {}
+        kind = type(self._result)
         for name, function in {**vars(plot), **vars(plot.interface)}.items():
             if inspect.isfunction(function):
                 for parameter in inspect.signature(function).parameters.values():
@@ -317,7 +320,8 @@ class Plots:
             named = dict(zip(others, given, strict=False))
             return function(**{place: self._result}, **named, **options)
 
-        draw.__doc__, draw.__name__ = function.__doc__, name
+        draw.__doc__ = function.__doc__
+        draw.__name__ = name
         return draw
 
 
@@ -342,7 +346,8 @@ def load_result(path: str | Path) -> Any:
             if head["format"] != _FORMAT:
                 raise ValueError
             arrays = {name: file[name] for name in file.files if name != "head"}
-        written, kept = str(head["version"]), head["result"]
+        written = str(head["version"])
+        kept = head["result"]
     except BadInput:
         raise
     except Exception:  # whatever numpy, zipfile and json make of damaged bytes

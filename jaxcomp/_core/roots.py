@@ -31,13 +31,16 @@ class FixedPointReport(NamedTuple):
 
 # A change below the first that has not come down to this share of its lowest value within so many
 # iterations counts as rounding, which a stiff torque curve amplifies.
-_ROUNDING, _LOWER, _PATIENCE = 1e-8, 0.8, 8
+_ROUNDING = 1e-8
+_LOWER = 0.8
+_PATIENCE = 8
 # A change that falls by less than this in an iteration does not come from a contraction. Two load
 # reversals at nearly one place contract by 0.90 only, and must not be slowed down further.
 _JUMPING = 0.99
 # Iterations that jump to and fro, across a kink or by a strong coupling, are halved down to this; those
 # that come closer again grow back, slower than they were halved.
-_SMALLEST_SHARE, _REGROWTH = 0.125, 1.5
+_SMALLEST_SHARE = 0.125
+_REGROWTH = 1.5
 # Iterations that Anderson's mixing looks back on: few directions contract slowly.
 _DEPTH = 5
 # [-] Square of the share of a direction below which it is rounding for the mixing.

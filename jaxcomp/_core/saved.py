@@ -117,7 +117,8 @@ def _field_names(kind: type) -> list[str]:
 
 def class_address(thing: Any) -> str:
     """Name of a class in the package that offers it: a file outlives the modules of a package."""
-    module, name = _public(thing.__module__), thing.__qualname__
+    module = _public(thing.__module__)
+    name = thing.__qualname__
     package = ".".join(module.split(".")[:2])
     offers = (
         module.startswith(f"{_PACKAGE}.") and getattr(sys.modules[package], name, None) is thing

@@ -112,7 +112,8 @@ class SolveFailed(RuntimeError):
     """
 
     def __init__(self, status, details: str = "", result=None):
-        self.status, self.result = status, result
+        self.status = status
+        self.result = result
         meaning = Status[status] + (f" ({details})" if details else "")
         single = single_precision()
         # it is the likelier cause, and stands in front of what a status advises

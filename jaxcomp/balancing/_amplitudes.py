@@ -30,7 +30,8 @@ from ._least_squares import least_squares
 _REPEATED_WITHIN = 0.02
 # Solutions of one plane begin at these phases and sizes of A_0 + H U over A_0; of more planes at all
 # combinations. 12 phases find both mirror images of all of 2,000 random pairs of circles.
-_PHASES, _SIZES = 12, (0.3, 1.0, 3.0)
+_PHASES = 12
+_SIZES = (0.3, 1.0, 3.0)
 _MOST_STARTS = 1500
 _STEPS = 80
 # [-] Relative distance below which two ends of the descent are one solution: of a pair of mirror
@@ -68,7 +69,8 @@ def amplitude_influence(
         BadInput: an initial amplitude of zero, trial weights in the first run, fewer trial positions
             than two for a plane, or so many solutions that none is worth a try.
     """
-    amplitudes, weights = np.asarray(amplitudes, float), np.asarray(weights, complex)
+    amplitudes = np.asarray(amplitudes, float)
+    weights = np.asarray(weights, complex)
     if np.any(weights[0] != 0):
         raise BadInput("weights", weights[0], "zero in the first run, as the machine is")
     if not np.all(amplitudes[0] > 0):
@@ -157,7 +159,8 @@ def _amplitude(initial, weights, coefficients) -> tuple[np.ndarray, np.ndarray]:
 
 def _solutions(amplitudes: np.ndarray, weights: np.ndarray) -> list[_Fit]:
     """All coefficients that fit the amplitudes of one reading, the best first."""
-    initial, read = amplitudes[0], amplitudes[1:] / amplitudes[0]
+    initial = amplitudes[0]
+    read = amplitudes[1:] / amplitudes[0]
     # In units of the initial amplitude and of each plane's largest trial weight, where H is of order 1.
     unit = np.abs(weights).max(axis=0)
     ends, misfit = _descended(read, weights / unit, _starts(weights.shape[1]))
@@ -214,5 +217,6 @@ def _descended(read, weights, x) -> tuple[np.ndarray, np.ndarray]:
     step = np.linalg.norm(np.linalg.solve(normal, gradient[..., None])[..., 0], axis=1)
     ended = step <= _ENDED * np.linalg.norm(x, axis=1)
     if ended.any():
-        x, misfit = x[ended], misfit[ended]
+        x = x[ended]
+        misfit = misfit[ended]
     return x, np.sqrt(misfit / len(read))

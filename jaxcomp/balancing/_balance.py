@@ -103,7 +103,8 @@ class Balance(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result, in SI units; measured vibration as it was read."""
-        unit, trial = self.influence.unit, self.influence.trial
+        unit = self.influence.unit
+        trial = self.influence.trial
         for number, plane in enumerate(self.influence.planes):
             yield Data(f"correction.{plane}", trial, self.correction[..., number])
         yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
@@ -117,8 +118,12 @@ class Balance(Result, eqx.Module):
 
     def nested(self) -> dict[str, Any]:
         """Planes with their corrections, and rows with the vibration before and after."""
-        part, value, left = self.influence, np.asarray(self.correction), np.asarray(self.residual)
-        size, before, by_mass = np.abs(value), np.asarray(part.initial), part.trial == "kg"
+        part = self.influence
+        value = np.asarray(self.correction)
+        left = np.asarray(self.residual)
+        size = np.abs(value)
+        before = np.asarray(part.initial)
+        by_mass = part.trial == "kg"
         radius = np.full(size.shape, np.nan) if part.radius is None else np.asarray(part.radius)
         sensitivity = np.asarray(self.sensitivity()).tolist()
         return {
@@ -196,7 +201,8 @@ class Balance(Result, eqx.Module):
     @property
     def verdict(self) -> str:
         """Number of readings that get worse, and the one that does so most, in words."""
-        before, after = np.abs(self.influence.initial), np.abs(self.residual)
+        before = np.abs(self.influence.initial)
+        after = np.abs(self.residual)
         if not np.any(after > before):
             return "No reading gets worse."
         most = self.influence.rows[place := int(np.argmax(after - before))]

@@ -78,7 +78,8 @@ def rigid_balance(
     first, second = (jnp.asarray(places[p], float) for p in planes)
     if planes[0] == planes[1]:
         raise BadInput("planes", str(planes), "two different nodes")
-    total, couple = jnp.zeros((), complex), jnp.zeros((), complex)
+    total = jnp.zeros((), complex)
+    couple = jnp.zeros((), complex)
     for table in unbalances:
         vectors = table.magnitude * jnp.exp(1j * table.phase)
         z = jnp.stack([jnp.asarray(places[node], float) for node in table.nodes])
@@ -111,7 +112,8 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
         return None
     big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
     moment = mechanism.conrod_mass * mechanism.crank_radius * big_end
-    pins, crankshaft = crank.pins, machine.compressor.crankshaft
+    pins = crank.pins
+    crankshaft = machine.compressor.crankshaft
     rings = Unbalances(pins, 0.0, 0.0)
     values = jnp.broadcast_to(moment, (len(pins),)), crankshaft.throw_angle
     return eqx.tree_at(lambda u: (u.magnitude, u.phase), rings, values)
@@ -156,7 +158,8 @@ def classical_balance(
     for table in (*model.disks, *model.masses):
         rows = zip(table.nodes, table.mass, strict=True)
         parts += [(z[node], mass) for node, mass in rows if node in own]
-    mass, moment = sum(m for _, m in parts), sum(m * place for place, m in parts)
+    mass = sum(m for _, m in parts)
+    moment = sum(m * place for place, m in parts)
     first, second = (plane.node for plane in places.planes)
     tables = unbalances if ring is None else (*unbalances, ring)
     options = {"centre": moment / mass, "mass": mass, "speed": speed, "grade": grade}

@@ -35,7 +35,8 @@ def further_trial(influence: Influence, size: float) -> FurtherTrial | None:
     if len(systems) == 1:
         return None
     angles = np.deg2rad(np.arange(0.0, 360.0, 15.0))
-    best, widest = None, -1.0
+    best = None
+    widest = -1.0
     for number, plane in enumerate(influence.planes):
         for angle in angles:
             weight = size * complex(np.exp(1j * angle))

@@ -227,13 +227,15 @@ def trial_influence(
     masses = jnp.asarray(masses, complex)
     if not is_traced(masses) and np.any(np.asarray(masses) == 0):
         raise BadInput("masses", masses, "different from zero")
-    initial, trials = jnp.asarray(initial, complex), jnp.asarray(trials, complex)
+    initial = jnp.asarray(initial, complex)
+    trials = jnp.asarray(trials, complex)
     weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
     kept = [False] * len(planes) if kept is None else list(kept)
     if len(kept) != len(planes):
         raise BadInput("kept", len(kept), f"a truth value for each of {len(planes)} planes")
     # Each run counts from the one before it that still carries the same trial weights.
-    before, state = [], initial
+    before = []
+    state = initial
     for trial, stays in zip(trials, kept, strict=True):
         before.append(state)
         state = trial if stays else state

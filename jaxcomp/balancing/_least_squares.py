@@ -187,7 +187,8 @@ class _Discs(NamedTuple):
         step = _solved(jnp.vstack(rows), jnp.concatenate(right))
         change = (target + multiplier * _dots(x, step)) / room - multiplier
         # The shares of the step at which a plane reaches its bound, or a multiplier zero.
-        along, across = _dots(x, step), _dots(step, step)
+        along = _dots(x, step)
+        across = _dots(step, step)
         # The root of |x + s dx| = 1 with the surd below, because a plane that does not move divides
         # by zero in the usual form.
         ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)

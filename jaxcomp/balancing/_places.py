@@ -27,7 +27,9 @@ from ._weight_sums import Candidate, Choices, WeightSums
 
 # Sums of weights to list of one plane, and points to look at in all: seconds of work each. A look into a
 # list takes as long as some hundred points of a pair of them.
-_MOST_SUMS, _MOST_POINTS, _LOOK = 1_500_000, 20_000_000, 100
+_MOST_SUMS = 1_500_000
+_MOST_POINTS = 20_000_000
+_LOOK = 100
 # Sums of a plane that acts like the others, of which each has to be tried.
 _MOST_ALIKE = 20_000
 # [-] Of the correction: no weight of any mass is larger, which makes bounds finite.
@@ -289,7 +291,8 @@ def _lightest(arms, masses, upper) -> np.ndarray:
 def _weights(influence: Influence, planes, owner, masses, angles) -> PlacedWeights:
     """The weights that are there, with their places."""
     there = np.flatnonzero(masses > 0)
-    owner, masses = owner[there], masses[there]
+    owner = owner[there]
+    masses = masses[there]
     radius = np.array([planes[number].radius or np.nan for number in owner], float)
     by_mass = influence.trial == "kg"
     return PlacedWeights(
@@ -328,8 +331,10 @@ class _Search:
         # Columns of planes that act alike leave nothing for the later of them but rounding.
         self.nothing = 1e-12 * max(float(np.abs(self.r).max()), 1e-300)
         self.counts = counts
-        self.lowest, self.picked = np.inf, []
-        self.unseen, self.points = np.inf, 0
+        self.lowest = np.inf
+        self.picked = []
+        self.unseen = np.inf
+        self.points = 0
 
     def run(self) -> None:
         """Look at all that can be better than the best so far."""
@@ -377,7 +382,8 @@ class _Search:
             size = float(np.sqrt(cost))
             better = size < self.lowest * (1 - 1e-12)
             if better or (size <= self.lowest * (1 + 1e-12) and mass < self._mass()):
-                self.lowest, self.picked = min(size, self.lowest), path
+                self.lowest = min(size, self.lowest)
+                self.picked = path
             return
         left = None if free is None else free - self.sums[level].used(candidate.picks)
         others = wanted - self.r[:, level] * candidate.sum
@@ -393,7 +399,9 @@ class _Search:
 
 def _stock_balance(influence: Influence, planes: Mapping[int, _Plane], search: _Search) -> Balance:
     correction = np.zeros(len(influence.planes), complex)
-    owner, masses, angles = [], [], []
+    owner = []
+    masses = []
+    angles = []
     for number, candidate in search.combinations().items():
         correction[number] = candidate.sum
         choices = search.sums[search.order.index(number)].choices

@@ -125,7 +125,8 @@ class WeightSums:
         first = np.repeat(np.arange(len(found)), [len(seconds) for seconds in found])
         second = np.array([place for seconds in found for place in seconds], int)
         distance = np.abs(centres[first] - listed.values[second])
-        mass, number = listed.mass[second], self._number[second]
+        mass = listed.mass[second]
+        number = self._number[second]
         used = self._used[second]
         allowed = np.ones(second.size, bool)
         if self._load is not None:
@@ -201,7 +202,8 @@ def _listed(choices: Choices, most: int, limit: int) -> _Listed | None:
     masses = [np.zeros(1)]
     picks = [np.full((1, most), -1, np.int32)]
     # Each sum grows by choices from its last one on, so that no combination comes twice.
-    last, here = np.full(1, -1), np.zeros(1, int)
+    last = np.full(1, -1)
+    here = np.zeros(1, int)
     kinds = int(choices.kind.max()) + 1
     used = np.zeros((1, kinds), int)
     count = 1

@@ -219,7 +219,8 @@ def _remarks(report: jc.study.accuracy.Report, error: float) -> Iterator[str]:
     for task, methods in report.tasks.items():
         if len(methods) == 1 and len(report.tasks) > 1 and len(report.curve(methods[0])) < 2:
             continue  # nothing to choose from
-        best, of = report.cheapest(error, task=task), f" of {task}" if task else ""
+        best = report.cheapest(error, task=task)
+        of = f" of {task}" if task else ""
         if best is None:
             yield f"No setting tried holds an error{of} of {error:g} together with all tighter ones.\n"
         else:
@@ -252,7 +253,8 @@ def _side_by_side(report: jc.study.accuracy.Report):
 def _tight(table):
     """Fit a table of many columns into a terminal of 80."""
     table.columns[0].min_width = len("collocation,")
-    table.collapse_padding, table.pad_edge = True, False
+    table.collapse_padding = True
+    table.pad_edge = False
     return table
 
 

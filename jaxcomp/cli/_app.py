@@ -77,7 +77,8 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
     docs = {entry[1]: entry for entry in entries if entry}
     (options, groups), parameters = _options_of(command), []
     for one in options:
-        kind, info = one.annotation, typer.Option()
+        kind = one.annotation
+        info = typer.Option()
         if get_origin(kind) is Annotated:
             kind, shared = get_args(kind)
             info = copy(shared)
@@ -86,7 +87,8 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
         elif kind is bool and one.default is False:
             info = typer.Option(f"--{one.name.replace('_', '-')}")
         if entry := docs.get(one.name):
-            info.metavar, info.help = entry[2], entry[3]
+            info.metavar = entry[2]
+            info.help = entry[3]
         parameters.append(one.replace(annotation=Annotated[kind, info], kind=one.KEYWORD_ONLY))
     called = _grouping(command, groups)
     called.__signature__ = inspect.Signature(parameters)  # pyright: ignore
@@ -99,7 +101,8 @@ def _options_of(command: Callable[..., None]) -> tuple[list[inspect.Parameter], 
 
     A group is a dataclass, whose fields are options in its place.
     """
-    options, groups = [], {}
+    options = []
+    groups = {}
     for one in inspect.signature(command, eval_str=True).parameters.values():
         if is_dataclass(one.annotation):
             groups[one.name] = one.annotation

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 _LARGEST_SHARE = 2.0
 _BOUND = re.compile(r"\s*([\w.-]+)\s*(<=|>=|=)\s*(.+?)\s*")
 # Points of a range of speeds that names none, and the most.
-_POINTS, _MOST = 60, 100_000
+_POINTS = 60
+_MOST = 100_000
 
 
 def assignments(texts: Sequence[str] | None, option: str) -> dict[str, str]:
@@ -142,7 +143,8 @@ def speeds_of(text: str) -> np.ndarray:
     """[rad/s] The speeds of `--speeds a,b,c`, `from:to` or `from:to:count`."""
     import numpy as np
 
-    parts, option = text.split(":"), f"--speeds {text}"
+    parts = text.split(":")
+    option = f"--speeds {text}"
     if len(parts) == 1 and text.strip():
         several = with_one_unit(text.split(",")) if "," in text else [text]
         return np.array([speed_of(part, option) for part in several])

@@ -212,7 +212,8 @@ class Setting:
         self, part: jc.balancing.interface.Influence, radii: dict[str, float]
     ) -> tuple[list[float], list[int] | None]:
         """Masses of the stock, and how many there are of each; `None` for any number."""
-        masses, counts = [], []
+        masses = []
+        counts = []
         for text in _listed(self.stock or ""):
             match = _PIECES.fullmatch(text)
             refuse(match is None, f"--stock {text}: must be a mass, or a number of it as in 4x10g")
@@ -369,7 +370,8 @@ def _angles(
     for text in texts:
         name, equals, value = (piece.strip() for piece in text.partition("="))
         if not equals:
-            name, value = "", text.strip()
+            name = ""
+            value = text.strip()
         else:
             kind = "correction plane of this balance"
             refuse_unknown(f"--places {name}", name, part.planes, kind)
@@ -408,7 +410,8 @@ def _weighted(
     part: jc.balancing.interface.Influence, texts: Sequence[str] | None
 ) -> jc.balancing.interface.Influence:
     """The system with the weights of `--weight` on its readings."""
-    known, weights = sorted({row.target for row in part.rows}), {}
+    known = sorted({row.target for row in part.rows})
+    weights = {}
     for target, text in assignments(texts, "--weight").items():
         refuse_unknown(f"--weight {target}", target, known, "target")
         weights[target] = si(text, "", f"--weight {target}")

@@ -208,7 +208,8 @@ def stribeck_tables(found, result: dict[str, Any]):
     yield row_table(
         f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, cells
     )
-    least, ends = result["least_friction_speed"], (result["speed"][0], result["speed"][-1])
+    least = result["least_friction_speed"]
+    ends = (result["speed"][0], result["speed"][-1])
     at_end = "" if ends[0] < least < ends[1] else ", an end of the range"
     yield f"Least friction at {least * RPM:.4g} rpm{at_end}."
     if found.bearing.contact is None:
@@ -251,7 +252,8 @@ def loaded_tables(found, result: dict[str, Any]):
     """Film, pressure, loss and flow of a journal under the loads of a table."""
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     axes = {"fixed": "at rest", "journal": "turn with the journal", "bush": "turn with the bush"}
-    points, way = found.table.angle.size, {"spline": "cubic spline", "lines": "straight lines"}
+    points = found.table.angle.size
+    way = {"spline": "cubic spline", "lines": "straight lines"}
     rows = [
         ("Viscosity", "viscosity", "mPa s", "in the film"),
         ("Speed", "speed", "rpm", "of the crank"),
@@ -282,7 +284,8 @@ def _check(
     refuse(given["speed"] == 0, "--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
     refuse(given.get("load", 0) < 0, f"{size.get('load')} N: must be >= 0 N")
     refuse(lands not in (1, 2), f"--lands {lands}: must be 1 or 2")
-    radius, ratio = given["diameter"] / 2, given["length"] / given["diameter"] / lands
+    radius = given["diameter"] / 2
+    ratio = given["length"] / given["diameter"] / lands
     what = f"must be < {radius:.6g} m, the radius of the journal"
     refuse(given["clearance"] >= radius, f"{size['clearance']} m: {what}")
     low, high = ratios

@@ -125,7 +125,9 @@ def sensitivity_tables(found: jc.study.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
     rows_of = zip(found.quantities, found.quantity_units, found.value, strict=True)
     for name, unit, value in rows_of:
-        look, ranked, listed = shown(name, unit, value), found.ranking(name), []
+        look = shown(name, unit, value)
+        ranked = found.ranking(name)
+        listed = []
         for relative in (True, False):
             kind = [one for one in ranked if one.relative is relative]
             listed += [(one.part, one.value, one.change) for one in kind[:rows]]

@@ -70,7 +70,8 @@ def _on_grid(
         for number, pressure in enumerate(turn.pressure, 1):
             several = f".{number}" if len(turn.pressure) > 1 else ""
             laws[f"pressure{several} [Pa]"] = pressure
-    period, out = float(orbit.period), {}
+    period = float(orbit.period)
+    out = {}
     for name, values in columns.items():
         if name in laws:
             out[name] = np.asarray(laws[name])
@@ -85,10 +86,12 @@ def _on_grid(
 
 def _of_gas(found: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
     """Volume of every cylinder; with valves their lift and flow, temperature and mass of the gas too."""
-    compressor, cycle = found.compressor, found.orbit.cycle
+    compressor = found.compressor
+    cycle = found.orbit.cycle
     if compressor.gas is None:
         return {}
-    out, phases = {}, np.asarray(compressor.crankshaft.phase)
+    out = {}
+    phases = np.asarray(compressor.crankshaft.phase)
     for number, phase in enumerate(phases):
         several = f".{number + 1}" if len(phases) > 1 else ""
         own = angle + phase

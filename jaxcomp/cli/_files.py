@@ -57,7 +57,8 @@ def new(
     refuse(there, f"{file}: is there already; --force writes over it")
     name = "my-machine" if printed else file.stem
     scene = None if machine is None else jc.scene.load(machine)
-    start, start_from = jc.scene.start, jc.scene.interface.start_from
+    start = jc.scene.start
+    start_from = jc.scene.interface.start_from
     text = start(kind, name) if scene is None else start_from(scene, name)
     if printed:
         typer.echo(text, nl=False)
@@ -230,7 +231,8 @@ def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
 
 def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     """Every value of a scene with its source."""
-    found, rows = {}, []
+    found = {}
+    rows = []
     for row in jc.scene.describe(scene):
         found[row.path] = row._asdict()
         del found[row.path]["path"]

@@ -29,14 +29,16 @@ def list_fluids() -> tuple[dict[str, Any], list[Table]]:
 
     start_jax()
     keys = ("name", "description", "source", "licence")
-    pure, rows = [], []
+    pure = []
+    rows = []
     for data in map(fluid_data, fluids()):
         limits = data["T_least"], data["T_most"]
         pure.append({key: data[key] for key in keys} | {"lowest": limits[0], "highest": limits[1]})
         rows.append((bold(data["name"]), data["description"], _range(*limits), data["source"]))
     heads = ("Name", "What it is", "Range [degC]", "Equation of state")
     tables = [_words("Fluids", heads, rows)]
-    mixed, rows = [], []
+    mixed = []
+    rows = []
     for blend in usable_blends():
         entry = blend_entry(blend.name)
         mixed.append(entry)

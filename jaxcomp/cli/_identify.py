@@ -68,7 +68,8 @@ class Split:
             return _not_named(data_sets, counts, self.fit_at)
         if not self.hold_out:
             return []
-        number, total = self.hold_out, sum(counts)
+        number = self.hold_out
+        total = sum(counts)
         what = f"--hold-out {number}: must be from 1 to {total - 1} of the points"
         refuse(not 0 < number < total, what)
         return np.random.default_rng(seed).choice(total, number, replace=False).tolist()
@@ -197,7 +198,9 @@ def identification_tables(found, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
     rows = []
     for one in found.nested()["parameters"]:
-        path, unit, share = one["name"], one["unit"], one["prior_share"]
+        path = one["name"]
+        unit = one["unit"]
+        share = one["prior_share"]
         level = is_temperature(path, unit)
         look = shown(path, unit, 0.0) if level else Shown(path, unit, 1.0)
         both = (look.number(one[key]) for key in ("start", "estimate"))
@@ -220,7 +223,8 @@ def identification_tables(found, name: str) -> Iterator[Any]:
             yield f"{look.label}: {error.size} readings, RMS error {size.lstrip('+')}."
     rows = []
     for quantity, held in found.held_out.items():
-        kind, look = found.kinds[quantity], looks[quantity]
+        kind = found.kinds[quantity]
+        look = looks[quantity]
         size = (_error(x, *kind, look).lstrip("+") for x in (held.rms, held.largest))
         rows.append((quantity, str(held.count), *size, f"{held.inside:.0%}"))
     if rows:

@@ -111,7 +111,8 @@ def _rounded(value: float) -> float:
 
 def _at_speeds(case: opt.Case, speeds: str | None) -> list[jc.scene.Scene]:
     """The machine at every speed of `--speeds`, or as it is."""
-    scene, sets = case.scene(), case.sets or ()
+    scene = case.scene()
+    sets = case.sets or ()
     if speeds is None:
         return [scene]
     texts = with_one_unit(speeds.split(","))
@@ -163,7 +164,8 @@ def axis(text: str, name: str):
 
     option = f"--{name}"
     values = np.array(axis_values(text, "K", option, False, "degC"))
-    low, high = ZERO - 150, ZERO + 250
+    low = ZERO - 150
+    high = ZERO + 250
     good = values.size <= _MOST and np.all((values > low) & (values < high))
     refuse(not good, f"{option} {text}: must be at most {_MOST} temperatures from -150 to 250 degC")
     return values

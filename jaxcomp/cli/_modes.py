@@ -55,7 +55,8 @@ def modes(
         found = jc.vibration.rotor_modes(
             model, points, count, over=range_, free=free, damping=not undamped
         )
-    curves, diagram = {"modes": found.columns}, found.campbell
+    curves = {"modes": found.columns}
+    diagram = found.campbell
     if diagram is not None:
         curves["campbell"] = lambda: plain(diagram.columns())
     output.emit(

@@ -167,7 +167,8 @@ def optimise(asked: Asked, output: Output) -> None:
 def _problem(
     asked: Asked, design: jc.machine.Machine, options: jc.AnalysisOptions
 ) -> jc.study.interface.Problem:
-    given, ranges = assignments(asked.variables, "--variable"), {}
+    given = assignments(asked.variables, "--variable")
+    ranges = {}
     for name, text in jc.study.interface.by_name(design, given).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
@@ -190,12 +191,14 @@ def _searched(
 
     from .._core.progress import progress_of
 
-    partial, solved = Partial(out, "designs"), []
+    partial = Partial(out, "designs")
+    solved = []
     options = fields_of(asked, "starts", "max_steps", "tolerance", "samples", "seed")
     options["constraints"] = bounds_of(asked.constraints, "--constraint")
     given = assignments(asked.targets, "--target").items()
     wanted = {name: value_of(name, text, f"--target {name}") for name, text in given}
-    goal, way = problem.quantities[0], asked.maximised
+    goal = problem.quantities[0]
+    way = asked.maximised
     with progress_of("Compiling and sampling") as progress:
 
         def callback(stage: str, done: int, total: int) -> None:
@@ -225,7 +228,9 @@ def _robust(asked: Asked, design: jc.machine.Machine) -> jc.study.tolerance.Robu
     from ..scene.tolerances import tolerances_of
 
     tolerances = tolerances_of(design, assignments(asked.scatter, "--scatter"))
-    largest, share, sigmas = asked.maximised, asked.quantile, asked.sigmas
+    largest = asked.maximised
+    share = asked.quantile
+    sigmas = asked.sigmas
     if share is not None:
         share = 1 - share if largest else share
     else:
@@ -237,7 +242,8 @@ def _robust(asked: Asked, design: jc.machine.Machine) -> jc.study.tolerance.Robu
 # ------------------------------------------------------------------- tables
 def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Any]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
-    goal, variables = result["objective"], result["variables"]
+    goal = result["objective"]
+    variables = result["variables"]
     way = "highest" if goal["maximised"] else "lowest"
     way = "met targets" if goal["name"] == "residuals" else way
     name = shown(goal["name"], goal["unit"], goal["value"]).words
@@ -301,7 +307,8 @@ def _constraints_table(result: dict[str, Any]) -> Any:
 
 def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     """The points of the front, and how they were found."""
-    both, variables = result["objectives"], result["variables"]
+    both = result["objectives"]
+    variables = result["variables"]
     names = [shown(one["name"], one["unit"], 1.0).words for one in both]
     rows = [
         (

@@ -135,7 +135,8 @@ class Partial:
 
     def __init__(self, out: Path | None, unit: str):
         self.file = None if out is None else out / "partial.csv"
-        self.unit, self.written = unit, -_EVERY
+        self.unit = unit
+        self.written = -_EVERY
         self.columns: dict[str, Any] = {}
 
     def keep(self, columns: Mapping[str, Any], best: str = "") -> None:

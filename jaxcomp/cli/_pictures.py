@@ -40,10 +40,12 @@ def animate(
     from ..plot import gif
 
     scene = case.scene(once=True)
-    moving, result = {}, {"machine": scene.name, "file": scene.file, "frames": frames}
+    moving = {}
+    result = {"machine": scene.name, "file": scene.file, "frames": frames}
     with waiting("Solving and drawing ..."):
         if scene.compressor is not None:
-            orbit, compressor = jc.crank.solve_orbit(scene), scene.as_compressor()
+            orbit = jc.crank.solve_orbit(scene)
+            compressor = scene.as_compressor()
             moving["mechanism"] = gif(jc.plot.interface.mechanism_motion(compressor, orbit, frames))
             if orbit.positions:
                 moving["journals"] = gif(
@@ -72,14 +74,17 @@ def balancing_motion(
     """The rotor with its crankcase and housing, without and with the least-squares corrections."""
     import jax.numpy as jnp
 
-    places, case = scene.parts["balancing"], scene.parts["loads"]
+    places = scene.parts["balancing"]
+    case = scene.parts["loads"]
     assert isinstance(places, jc.rotor.BalancingPlanes)
     if not isinstance(case, jc.rotor.LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
     speeds, _ = points_and_range(scene, [speed] if speed else None, None)
-    model, at = rotor_of(scene, speeds), jnp.asarray(speeds)
+    model = rotor_of(scene, speeds)
+    at = jnp.asarray(speeds)
     found = jc.balancing.least_squares(jc.balancing.direct_influence(model, case.loads, places, at))
-    nodes, masses = tuple(plane.node for plane in places.planes), found.correction
+    nodes = tuple(plane.node for plane in places.planes)
+    masses = found.correction
     corrections = jc.rotor.Unbalances(nodes, jnp.abs(masses), jnp.angle(masses))
     before = jc.rotor.respond(model, case.loads, at[:1]).checked()
     after = jc.rotor.respond(model, (*case.loads, corrections), at[:1]).checked()

@@ -69,7 +69,8 @@ def respond(
             )
         except jc.rotor.interface.SingularResponse as error:
             raise CommandError(f"{scene.file}: {error}") from None
-    curves, over = {"response": found.columns}, found.curves
+    curves = {"response": found.columns}
+    over = found.curves
     if over is not None:
         curves["curves"] = lambda: plain(over.columns())
     output.emit(
@@ -123,11 +124,13 @@ def _each(result: dict[str, Any], by_name: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def _orbits(result, s):
-    speed, rows = result["speeds"][s], []
+    speed = result["speeds"][s]
+    rows = []
     for name, motion in result["nodes"].items():
         for n, order in enumerate(result["orders"]):
             x, y = (motion["amplitude"][a][n][s] for a in ("ux", "uy"))
-            major, minor = motion["major_axis"][n][s], motion["minor_axis"][n][s]
+            major = motion["major_axis"][n][s]
+            minor = motion["minor_axis"][n][s]
             velocity = order * speed * math.hypot(x, y) / math.sqrt(2)
             micrometres = (_short(v * 1e6) for v in (x, y, major, abs(minor)))
             way = whirl(minor / major if major else 0.0)
@@ -173,7 +176,8 @@ def _linearised(result, both):
 
 
 def _peaks(result):
-    speeds, rows = result["curves"]["speeds"], []
+    speeds = result["curves"]["speeds"]
+    rows = []
     for name, orders in result["curves"]["major_axis"].items():
         for n, order in enumerate(result["orders"]):
             known = [one for one in zip(orders[n], speeds, strict=True) if one[0] is not None]

@@ -47,7 +47,8 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
 def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     from .._core.each import listed, of_cylinder
 
-    rows, compressor = [], scene.as_compressor()
+    rows = []
+    compressor = scene.as_compressor()
     count = compressor.crankshaft.count
     bore = getattr(of_cylinder(compressor.mechanism), "bore", None)
     if bore is not None:
@@ -68,15 +69,18 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     for one in jc.study.interface.crank_quantities(scene.machine):
         if one.name not in result or one.name in _IN_OTHER_TABLES:
             continue
-        value, note = result[one.name], notes.get(one.name, one.doc.rstrip("."))
+        value = result[one.name]
+        note = notes.get(one.name, one.doc.rstrip("."))
         if value is None:
             rows.append((shown(one.name, one.unit, 0.0).words, "none", note))
             continue
         sizes = [value, result["motor_power"]] if one.unit == "W" else value
         look = shown(one.name, one.unit, sizes)
-        name, text = look.words, f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
+        name = look.words
+        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
         if one.unit == "W" and one.name != "capacity":
-            text, note = look.text(value, 4), f"{value * result['period']:.5g} J per revolution"
+            text = look.text(value, 4)
+            note = f"{value * result['period']:.5g} J per revolution"
         if one.name == "mechanical_efficiency":
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")
@@ -108,7 +112,8 @@ def _losses(result: dict[str, Any]):
 
 def _power(result: dict[str, Any]):
     """Table of the uses of power and swept volume."""
-    power, volume = result["power_use"], result["volume_use"]
+    power = result["power_use"]
+    volume = result["volume_use"]
     whole = sum(power.values())
     rows = [
         (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
@@ -131,7 +136,8 @@ def _valves(result: dict[str, Any]):
 
 
 def _forces(result: dict[str, Any]):
-    peaks, mean = result["peak_forces"], result["mean_forces"]
+    peaks = result["peak_forces"]
+    mean = result["mean_forces"]
     largest = max(peaks.values(), default=0.0)
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
     rows = [(words(name), mean[name] / scale, peak / scale) for name, peak in peaks.items()]
@@ -255,7 +261,8 @@ def _rod_loads(throws: list[dict[str, Any]]):
 
 def _journal_films(result: dict[str, Any]):
     """Films of the journals, by the law that was solved and, as far as it is known, by the other one."""
-    moved, rows = result.get("moved_films", {}), []
+    moved = result.get("moved_films", {})
+    rows = []
     touch = any(loss > 0 for loss in result["contact_loss"].values())
     for name, thickness in result["film_thickness"].items():
         moves = result["film_law"][name] == "orbit"
@@ -309,7 +316,8 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
         share = f"{abs(error / value):.1e}" if value else ""
         return name, f"{value:.6g} {unit}".strip(), f"{error:.1e} {unit}".strip(), share
 
-    speed, key = march["speed"], "mechanical_efficiency"
+    speed = march["speed"]
+    key = "mechanical_efficiency"
     rows = [
         ("Speed, largest", "", f"{speed * result['mean_speed']:.1e} rad/s", f"{speed:.1e}"),
         row("Mechanical efficiency", result[key], march[key], ""),
@@ -379,7 +387,8 @@ def undelivered_tables(orbit: jc.Orbit) -> Iterator[Any]:
         )  # fmt: skip
         heads = ("Crank angle, degrees", "Volume, cm³", "Pressure, bar", look.label)
         yield row_table(f"{where}: no gas is delivered", heads, rows, texts=0)
-        peak, behind = float(cycle.peak_pressure), float(cycle.case.discharge.p)
+        peak = float(cycle.peak_pressure)
+        behind = float(cycle.case.discharge.p)
         leaks = float(cycle.totals.leakage / cycle.case.mass_scale)
         yield (
             f"The pressure reaches {peak / 1e5:.4g} bar; behind the discharge valve are "

@@ -128,7 +128,8 @@ def _values_of_each(found) -> dict[str, dict[str, Any]]:
 
 def layouts_tables(found, result: dict[str, Any]) -> Iterator[Any]:
     """Best and worst designs of each layout."""
-    rows, parts = [], jc.study.sweep.interface.machine_parts(found, _LAYOUT)
+    rows = []
+    parts = jc.study.sweep.interface.machine_parts(found, _LAYOUT)
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
         for asked in jc.study.sweep.interface.quantity_names(part):
@@ -159,9 +160,11 @@ def default_quantities(scene: jc.scene.Scene) -> list[str]:
 
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
     """Values or distributions of the variables, in SI units."""
-    design, axes = jc.machine.machine_of(scene), {}
+    design = jc.machine.machine_of(scene)
+    axes = {}
     for name, text in jc.study.interface.by_name(design, assignments(texts, "--over")).items():
-        option, one = f"--over {name}={text}", jc.study.variable(design, name)
+        option = f"--over {name}={text}"
+        one = jc.study.variable(design, name)
         axes[name] = axis_values(text, one.unit, option, sampled)
         ends = axes[name].ends if sampled else (float(min(axes[name])), float(max(axes[name])))
         for end in ends:

@@ -166,7 +166,8 @@ def fitted(table: Table, width: int) -> Table | str:
     """
     headers = [Text.from_markup(str(column.header)).plain for column in table.columns]
     cells = [_pointed(column) for column in table.columns]
-    wide, least = [], []
+    wide = []
+    least = []
     for column, own, header in zip(table.columns, cells, headers, strict=True):
         texts = [cell.plain for cell in own]
         whole = column.justify == "right"
@@ -183,7 +184,8 @@ def fitted(table: Table, width: int) -> Table | str:
         wide[place] -= 1
         over -= 1
     made = copy(table)
-    made.columns, made.rows = [column.copy() for column in table.columns], []
+    made.columns = [column.copy() for column in table.columns]
+    made.rows = []
     for column, own, size in zip(made.columns, cells, wide, strict=True):
         if narrow:
             column.min_width = column.max_width = size
@@ -207,7 +209,8 @@ def _pointed(column: Column) -> list[Text]:
 
 
 def _stacked(table: Table, headers: list[str]) -> str:
-    lines, short = [], len(headers[0]) <= _SHORT
+    lines = []
+    short = len(headers[0]) <= _SHORT
     if not short:
         lines.append(f"[bold]{escape(headers[0])}[/bold]")
     above = ""

@@ -164,10 +164,13 @@ def tolerance_tables(
     yield from map(escape, found.sentences(*permitted))
     failed = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{failed}"
-    sampled, by_derivatives = [], []
+    sampled = []
+    by_derivatives = []
     for name in found.names:
-        look, row = found.shown(name), result["quantities"][name]
-        wide, shares = look.differences, row["percentiles"]
+        look = found.shown(name)
+        row = result["quantities"][name]
+        wide = look.differences
+        shares = row["percentiles"]
         ends = (_value(look, shares[share]) for share in ("5", "95"))
         middle = (_value(look, row[key]) for key in ("nominal", "mean"))
         sampled.append((look.label, *middle, _value(wide, row["deviation"]), *ends))
@@ -187,8 +190,10 @@ def tolerance_tables(
 
 
 def _contributors(found: jc.study.tolerance.Tolerances, name: str):
-    look, place = found.shown(name), found.names.index(name)
-    ranking, rows = found.ranking(name), []
+    look = found.shown(name)
+    place = found.names.index(name)
+    ranking = found.ranking(name)
+    rows = []
     for variable, share in ranking[:_ROWS]:
         swing = found.swings[:, found.variables.index(variable), place]
         cells = (_value(look, x) for x in swing)
@@ -213,7 +218,8 @@ def _contributors(found: jc.study.tolerance.Tolerances, name: str):
 def _probabilities(found: jc.study.tolerance.Tolerances):
     rows = []
     for one in found.reliability:
-        look, sign = found.shown(one.limit.quantity), "<=" if one.limit.above else ">="
+        look = found.shown(one.limit.quantity)
+        sign = "<=" if one.limit.above else ">="
         low, high = one.sampled_interval
         near = _cell(one.near_points, 3)
         rows.append(

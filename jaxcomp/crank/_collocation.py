@@ -41,7 +41,9 @@ _FRICTIONLESS_PANELS = 12
 # Points of tables of pressures: with so many the panels between them need no more than these nodes; and
 # more than these, a diagram of every half degree, are not all edges. Of 180 points of a polytropic cycle
 # 4 nodes leave 1e-9 of the gas work, and 12 ms where three points a panel take 4.
-_FEW_POINTS, _NODES_OF_TABLE, _MOST_POINTS = 48, 4, 720
+_FEW_POINTS = 48
+_NODES_OF_TABLE = 4
+_MOST_POINTS = 720
 # [-] Width over that of another panel below which two edges count as one.
 _COINCIDING = 0.02
 
@@ -162,7 +164,8 @@ def tabulated_points(compressor: Compressor) -> int:
         return 0
 
     def events(gas):
-        angles, shares = gas.event_angles(), gas.event_shares()
+        angles = gas.event_angles()
+        shares = gas.event_shares()
         return (None if isinstance(angles, tuple) else angles), shares
 
     angles, shares = eqx.filter_eval_shape(events, gas)
@@ -182,7 +185,8 @@ def _with_layers(known: Known) -> Known:
     """
     if known.compressor.crankshaft.count > 1:
         return known
-    kinks, width = known.edges[:-1], jnp.diff(known.edges)
+    kinks = known.edges[:-1]
+    width = jnp.diff(known.edges)
     # in much narrower panels the rounding of their angles would count
     layer = jnp.maximum(2 / jnp.maximum(motor_steepness(known), 1e-3), 1e-4)
     # continuous in the stiffness: wider with the layer, then narrower again

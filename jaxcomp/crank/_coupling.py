@@ -58,14 +58,16 @@ from ._warming import LARGEST_RISE, at_rise, first_rise, rise_after
 
 # [-] Change by a step at which crank and cycle agree; of a cycle that is marched, which repeats within
 # 1e-7 and is not smooth in the motion below that.
-_TOLERANCE, _MARCHED_TOLERANCE = 1e-10, 1e-6
+_TOLERANCE = 1e-10
+_MARCHED_TOLERANCE = 1e-6
 MAX_ITERATIONS = 40
 _KELVINS = 100.0  # a rise of the suction gas as an unknown of order one
 # [rad] Crank angles at which the motions of two steps are compared; between two of them the fluctuation
 # of the speed hardly bends.
 _GRID = np.linspace(0.0, 2 * np.pi, 257)[:-1]
 # Of derivatives: largest remainder, in parts of the direct ones, and steps after which to give up.
-_TANGENT_TOLERANCE, _TANGENT_ITERATIONS = 1e-11, 30
+_TANGENT_TOLERANCE = 1e-11
+_TANGENT_ITERATIONS = 30
 
 
 class Motion(NamedTuple):
@@ -218,7 +220,8 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
         even: whether the gas sees the motor's guess of the speed.
         rise: [K] of the suction gas by a law of its own, or `None`.
     """
-    level, pace = jnp.zeros(()), None
+    level = jnp.zeros(())
+    pace = None
     if not even:
         slow = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
         own = Pace(orbit.panel_edges, slow - 1)

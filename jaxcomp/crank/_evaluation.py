@@ -116,7 +116,8 @@ def _status(
     if finer is not None:
         resolved = jnp.abs(finer.grid.total(1 / finer.speed) - period) < _PERIOD_ERROR * period
         status = Status.where(report.settled & ~resolved, Status.unresolved, status)
-    motor, scales = known.compressor.motor, known.scales
+    motor = known.compressor.motor
+    scales = known.scales
     status = closure_of(motor).verdict(motor, period, growth, status)
     _, whole = floored_energy(at.inertia, scales, energy)
     floored = jnp.min(whole) <= 2 * ENERGY_FLOOR * scales.energy
@@ -171,9 +172,11 @@ def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, 
     which both rules are wrong alike pass unseen: what twice the nodes change, and the last two Legendre
     coefficients at twice the nodes, behind which those begin that the quadrature mistakes for a mean.
     """
-    grid, fine = grids.grid, grids.fine
+    grid = grids.grid
+    fine = grids.fine
     assert fine is not None
-    values, finer = lax.stop_gradient(grid.by_panels(row)), grids.finer(row)
+    values = lax.stop_gradient(grid.by_panels(row))
+    finer = grids.finer(row)
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
     last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
     return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)

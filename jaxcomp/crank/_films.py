@@ -118,7 +118,8 @@ def journal_rates(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Array
         compressor: the machine.
         orbit: its periodic state, or anything with its `state` and `loads`.
     """
-    speed, shares = orbit.state.speed, rate_shares(compressor, orbit.state.angle)
+    speed = orbit.state.speed
+    shares = rate_shares(compressor, orbit.state.angle)
     rates = dict.fromkeys(orbit.loads.forces, speed)
     return rates | {name: share * speed for name, (share, _) in shares.items()}
 
@@ -131,7 +132,8 @@ def thin_film(law: JournalBearing) -> float | Float[Array, ""]:
 def _share_below(values, duration, bound):
     """Share of the time below a bound of what goes in straight lines between the nodes."""
     after, wide = (jnp.roll(x, -1) for x in (values, duration))
-    low, high = jnp.minimum(values, after), jnp.maximum(values, after)
+    low = jnp.minimum(values, after)
+    high = jnp.maximum(values, after)
     rise = jnp.where(high > low, high - low, 1.0)
     part = jnp.where(high > low, jnp.clip((bound - low) / rise, 0, 1), low < bound)
     return jnp.sum((duration + wide) * part) / jnp.sum(duration + wide)
@@ -145,7 +147,8 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
         compressor: the machine.
         orbit: its periodic state.
     """
-    found, moved = {}, orbit.positions or {}
+    found = {}
+    moved = orbit.positions or {}
     rates = journal_rates(compressor, orbit)
     for name, law in oil_films(compressor, orbit):
         if name in moved:
@@ -158,7 +161,8 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
 
 def oil_films(compressor: Compressor, orbit: Orbit):
     """Joints with oil films, and their laws."""
-    crankshaft, friction = compressor.crankshaft, compressor.friction
+    crankshaft = compressor.crankshaft
+    friction = compressor.friction
     own = {} if friction is None else vars(friction)
     for law_name, law in film_journals(friction, crankshaft.main_journal).items():
         if law_name not in own:
@@ -267,17 +271,18 @@ def _at_nodes(law, position, load, rates, moves: bool, resting_loss):
         resting_loss: [W] where it rests.
     """
     difference, total = rates
-    gap, film, unit, contact = (
-        law.radial_clearance,
-        squeeze_of(law),
-        film_unit(law),
-        ring_contact(law),
-    )
+    gap = law.radial_clearance
+    film = squeeze_of(law)
+    unit = film_unit(law)
+    contact = ring_contact(law)
     # what rough surfaces carry in contact, the film need not
-    push, rubbing, carried = 0 * load, 0 * difference, load
+    push = 0 * load
+    rubbing = 0 * difference
+    carried = load
     if contact is not None:
         push = contact.push(position)
-        carried, rubbing = load - push, contact.torque(position, difference) * difference
+        carried = load - push
+        rubbing = contact.torque(position, difference) * difference
     force = carried / unit
 
     shear = shear_drag(law, position) * difference**2
@@ -333,15 +338,19 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
     Surfaces with a contact carry then. A steady film is asked only where its journal does not come to
     rest: there squeeze holds it up, of which the film knows nothing.
     """
-    moved, rates, thin = orbit.positions or {}, journal_rates(compressor, orbit), jnp.asarray(False)
+    moved = orbit.positions or {}
+    rates = journal_rates(compressor, orbit)
+    thin = jnp.asarray(False)
     for name, law in oil_films(compressor, orbit):
-        gap, roughness = law.radial_clearance, roughness_of(law)
+        gap = law.radial_clearance
+        roughness = roughness_of(law)
         if roughness is None:
             continue
         if name in moved:
             thin |= jnp.any(gap * (1 - jnp.hypot(*moved[name])) < roughness)
         elif issubclass(law.model, AbstractCarryingFilm):
-            bearing, rate = prepare(law), rates[name]
+            bearing = prepare(law)
+            rate = rates[name]
             film: Any = bearing.film
             ratio = jnp.maximum(gap / roughness - 1, 0.0)
             most = ratio * film.load_gain(ratio)
@@ -354,14 +363,17 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
 def _coefficients(film, position, force, turning):
     """dF/de at a given de/dt, and dF/d(de/dt), (2, 2, n): from the mobility V = M(e, F)."""
 
-    one, none = jnp.ones_like(force[0]), jnp.zeros_like(force[0])
-    ways, still = (jnp.stack([one, none]), jnp.stack([none, one])), jnp.zeros_like(force)
+    one = jnp.ones_like(force[0])
+    none = jnp.zeros_like(force[0])
+    ways = (jnp.stack([one, none]), jnp.stack([none, one]))
+    still = jnp.zeros_like(force)
 
     def slopes(pairs):
         moved = [jax.jvp(film.mobility, (position, force), pair)[1] for pair in pairs]
         return jnp.stack(moved, axis=1)
 
-    by_place, by_force = slopes((way, still) for way in ways), slopes((still, way) for way in ways)
+    by_place = slopes((way, still) for way in ways)
+    by_force = slopes((still, way) for way in ways)
     size = by_force[0, 0] * by_force[1, 1] - by_force[0, 1] * by_force[1, 0]
     swapped = jnp.stack([jnp.stack([by_force[1, 1], -by_force[0, 1]]),
                          jnp.stack([-by_force[1, 0], by_force[0, 0]])])  # fmt: skip

@@ -73,10 +73,12 @@ def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=No
     would take the formula of either side, its directions and phases, at random.
     """
     panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
-    left, right = edges[panel], edges[panel + 1]
+    left = edges[panel]
+    right = edges[panel + 1]
     at = jnp.clip(place, left + 1e-10, right - 1e-10)
     if moved is None:
         return at, jnp.ones(())
-    wide, moved_width = right > left, moved[panel + 1] - moved[panel]
+    wide = right > left
+    moved_width = moved[panel + 1] - moved[panel]
     rate = jnp.where(wide, moved_width / jnp.where(wide, right - left, 1), 1)
     return moved[panel] + (at - left) * rate, rate

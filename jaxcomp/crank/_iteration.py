@@ -210,7 +210,8 @@ def steepness(
         force = joints_of(loop, scales, unknown)
         each = loop.directions(force)
     falling = -at.inertia_1 / at.inertia**2 * scales.energy / scales.speed**2
-    none, ones = jnp.zeros_like(energy), jnp.ones_like(energy)
+    none = jnp.zeros_like(energy)
+    ones = jnp.ones_like(energy)
     # along the kinetic energy, and along the unknowns of the joints, which follow it
     rest = [none] * len(each)
     ways = jnp.stack([ones, *rest]), jnp.stack([falling, *rest])
@@ -225,7 +226,8 @@ def steepness(
 
 def motor_steepness(known: Known) -> Float[Array, ""]:
     """[1/rad] Slope of a torque curve over the kinetic energy, without derivatives, at the guess."""
-    motor, speed = frozen(known.compressor.motor), known.scales.speed
+    motor = frozen(known.compressor.motor)
+    speed = known.scales.speed
     if not closure_of(motor).needs_steepness:
         return jnp.zeros(())
     _, slope = jax.jvp(motor.torque, (speed,), (jnp.ones_like(speed),))
@@ -352,7 +354,8 @@ def _improved_contacts(
         return motion.joints, motion.journals, jnp.zeros_like(motion.energy), ()
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
     joints, loss, rows = _improved_joints(loop, known.scales, motion.joints)
-    loss, journals = points.grid.by_panels(loss), motion.journals
+    loss = points.grid.by_panels(loss)
+    journals = motion.journals
     if journals is not None:
         forces = loop.loads(joints_of(loop, known.scales, motion.joints), False).forces
         drive = journal_drive(known.compressor, forces, state).mapped(points.grid.by_panels)

@@ -80,7 +80,8 @@ def journal_orbit(
     """
     edges = jnp.zeros(1) if edges is None else jnp.asarray(edges, float)
     count = math.ceil(_PANELS * max(period / (2 * math.pi), 1.0) - 1e-9)
-    even, speed = edges[0] + jnp.linspace(0, period, count + 1), jnp.asarray(speed, float)
+    even = edges[0] + jnp.linspace(0, period, count + 1)
+    speed = jnp.asarray(speed, float)
     edges = jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])])
 
     def solved(edges) -> JournalOrbit:
@@ -111,7 +112,8 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
         orbit: its periodic state.
     """
     shares = rate_shares(compressor, orbit.state.angle)
-    names, rows = [], []
+    names = []
+    rows = []
     for name, law in oil_films(compressor, orbit):
         if not law.moves and issubclass(law.model, AbstractSolvedFilm):
             film = "short" if law.film == "short" else "reynolds"
@@ -136,7 +138,8 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
 def _solved_journal(
     bearing: JournalBearing, force, rates, speed, edges, nodes: int
 ) -> JournalOrbit:
-    grid, film = panels(edges, nodes), moving_film(bearing)
+    grid = panels(edges, nodes)
+    film = moving_film(bearing)
 
     drive = Drive(
         (film,),

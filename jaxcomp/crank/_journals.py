@@ -39,7 +39,8 @@ from ._panels import Panels
 _ROOM_LEFT = 0.2
 # The same where surfaces touch, whose force grows within a third of the roughness: closer than so many
 # times the roughness.
-_ROOM_IN_CONTACT, _TOUCHING = 0.6, 3.0
+_ROOM_IN_CONTACT = 0.6
+_TOUCHING = 3.0
 # A step below this share of the clearance between journal and bush has come near to the orbit.
 _NEAR = 0.3
 
@@ -67,7 +68,8 @@ class Moving(NamedTuple):
 
 def moving(compressor: Compressor) -> tuple[Moving, ...]:
     """All journals whose orbits are solved, in the order of their positions."""
-    crankshaft, found = compressor.crankshaft, []
+    crankshaft = compressor.crankshaft
+    found = []
     own = vars(compressor.friction) if compressor.friction is not None else {}
     journals = moving_journals(compressor.friction, crankshaft.main_journal)
     for law, bearing in journals.items():
@@ -140,7 +142,8 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
         compressor: the machine.
         angle: [rad] of the crank.
     """
-    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
+    mechanism = compressor.mechanism
+    crankshaft = compressor.crankshaft
     if not isinstance(mechanism, SliderCrank):
         return {}
     tilts = rod_motion(crankshaft.each(mechanism, angle), crankshaft.own_angle(angle)).tilt_1
@@ -229,7 +232,8 @@ def orbit_status(
     within a radian even the gap that is left at `CLOSED`. An orbit that comes closer without either has
     too few panels.
     """
-    size, over = jnp.hypot(*positions), (-2, -1)
+    size = jnp.hypot(*positions)
+    over = (-2, -1)
     line = drive.force / jnp.maximum(jnp.hypot(*drive.force), 1e-300)
     sinking = jnp.sum(line * drive.rate(CLOSED * line), axis=0) > 0.5 * (1 - CLOSED)
     closed = size > CLOSED
@@ -256,7 +260,8 @@ def journal_drive(
     """
     over = jnp.ones_like(state.speed) if in_time else state.speed
     half = 0.5 * state.speed / over if in_time else 0.5
-    journals, shares = moving(compressor), rate_shares(compressor, state.angle)
+    journals = moving(compressor)
+    shares = rate_shares(compressor, state.angle)
     ones = jnp.ones_like(state.angle)
     force = [-forces[one.joint] / (film_unit(one.bearing) * over) for one in journals]
     turning = [half * shares[one.joint][1] if one.joint in shares else half * ones
@@ -303,8 +308,10 @@ def _correction(
     On each panel e + d = left + width (integral of rate + slopes d). Derivatives pass through the
     defect of the present positions alone; the matrices are constants to them.
     """
-    rule, fixed = grid.rule, lax.stop_gradient(grid.width)
-    count, panels = rule.nodes.size, fixed.size
+    rule = grid.rule
+    fixed = lax.stop_gradient(grid.width)
+    count = rule.nodes.size
+    panels = fixed.size
     matrix = jnp.eye(2 * count) - jnp.einsum(
         "p,ij,abpj->paibj", fixed, rule.integral, slopes
     ).reshape(panels, 2 * count, 2 * count)
@@ -328,7 +335,8 @@ def _correction(
 
 def _prefixes(maps: Float[Array, "2 2 p"], shifts: Float[Array, "2 p"]):
     """The affine maps of two components over the first 1, 2 ... of p panels, by doubling."""
-    count, step = shifts.shape[1], 1
+    count = shifts.shape[1]
+    step = 1
     while step < count:
         none = jnp.zeros((2, step))
         before = jnp.concatenate([none, shifts[:, :-step]], axis=1)
@@ -377,7 +385,8 @@ def journal_torque(
         position: of the journals.
         power: of the squeeze, as `improved_positions` gives it.
     """
-    shares, total = rate_shares(compressor, state.angle), jnp.zeros_like(state.speed)
+    shares = rate_shares(compressor, state.angle)
+    total = jnp.zeros_like(state.speed)
     for number, one in enumerate(moving(compressor)):
         share = shares[one.joint][0] if one.joint in shares else 1.0
         squeeze = one.bearing.radial_clearance * film_unit(one.bearing) * power[number]

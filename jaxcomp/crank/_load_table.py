@@ -33,12 +33,16 @@ TURN = 2 * math.pi
 # [rad] Widest step of a table.
 WIDEST = math.radians(45)
 # A table is even of which so many steps are the same; there a step that is longer lacks a point.
-_EVEN, _LONGER = 0.8, 1.5
+_EVEN = 0.8
+_LONGER = 1.5
 # [-] Of the largest load: what the last line may differ from the first one a period before.
 _CLOSES = 0.01
 # [-] Of the smallest film: estimated error beyond which the panels are halved, and how often they may be.
-_FINE, _HALVINGS = 1e-3, 3
-_EVEN_PANELS, _NODES = 48, 8  # of a revolution, as `journal_orbit` has them; on every panel
+_FINE = 1e-3
+_HALVINGS = 3
+# of a revolution, as `journal_orbit` has them; on every panel
+_EVEN_PANELS = 48
+_NODES = 8
 
 Frame = Literal["fixed", "journal", "bush"]
 Between = Literal["spline", "lines"]
@@ -83,7 +87,8 @@ class LoadTable(eqx.Module):
         frame: Frame = "fixed",
         between: Between = "spline",
     ):
-        x, speeds = np.asarray(angle, float), (journal_speed, bush_speed)
+        x = np.asarray(angle, float)
+        speeds = (journal_speed, bush_speed)
         rows = [*np.asarray(load, float), *(np.asarray(s, float) for s in speeds if s is not None)]
         if x.ndim != 1 or len(rows) != 2 + sum(s is not None for s in speeds):
             raise BadInput("load", f"of shape {np.shape(load)}", "(2, n), for n angles")
@@ -99,12 +104,14 @@ class LoadTable(eqx.Module):
                 raise BadInput(f"{name}[{place}]", row[place], "finite")
         self.period, closed = _period(x, np.stack(rows[:2]), period)
         count = x.size - closed
-        self.angle, self.load = jnp.asarray(x[:count]), jnp.asarray(np.stack(rows[:2])[:, :count])
+        self.angle = jnp.asarray(x[:count])
+        self.load = jnp.asarray(np.stack(rows[:2])[:, :count])
         own = iter(rows[2:])
         self.journal_speed, self.bush_speed = (
             None if s is None else jnp.asarray(next(own)[:count]) for s in speeds
         )
-        self.frame, self.between = frame, between
+        self.frame = frame
+        self.between = between
 
     @property
     def edges(self) -> Float[Array, " n_plus_1"]:
@@ -113,7 +120,8 @@ class LoadTable(eqx.Module):
 
     def over(self, values: Float[Array, " n"], angle: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Function with these values at the points of the table, at other crank angles [rad]."""
-        knots, closed = self.edges, jnp.append(values, values[0])
+        knots = self.edges
+        closed = jnp.append(values, values[0])
         if self.between == "lines":
             return jnp.interp(self._within(angle), knots, closed)
         spline = CubicSpline(np.asarray(knots), np.asarray(closed), bc_type="periodic")
@@ -150,7 +158,8 @@ class LoadTable(eqx.Module):
         if self.frame == "fixed":
             return vectors
         share = np.broadcast_to(shares[self.frame == "bush"], self.angle.shape)
-        knots, closed = np.asarray(self.edges), np.append(share, share[0])
+        knots = np.asarray(self.edges)
+        closed = np.append(share, share[0])
         steps = CubicSpline(knots, closed, bc_type="periodic").antiderivative()
         turns = steps(knots) / TURN
         left = turns[-1] - round(turns[-1])
@@ -164,7 +173,8 @@ class LoadTable(eqx.Module):
         first, here = (cubics(self._within(a), jnp.asarray(knots), at, slopes)
                        for a in (jnp.zeros(()), angle))  # fmt: skip
         beta = (first - here) if back else (here - first)
-        cos, sin = jnp.cos(beta), jnp.sin(beta)
+        cos = jnp.cos(beta)
+        sin = jnp.sin(beta)
         return jnp.stack([cos * vectors[0] - sin * vectors[1], sin * vectors[0] + cos * vectors[1]])
 
     def load_at(self, angle: Float[Array, " m"], shares=(1.0, 0.0)) -> Float[Array, "2 m"]:
@@ -183,7 +193,8 @@ class LoadTable(eqx.Module):
 
 
 _SPEEDS = ("journal_speed", "bush_speed")
-_FRAMES, _BETWEEN = ("fixed", "journal", "bush"), ("spline", "lines")
+_FRAMES = ("fixed", "journal", "bush")
+_BETWEEN = ("spline", "lines")
 
 
 def _degrees(angle) -> str:
@@ -277,7 +288,8 @@ class LoadedJournal(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        film, at = self.film, self.table_dims
+        film = self.film
+        at = self.table_dims
         yield Data("speed", "rad/s", self.speed, doc="of the crank")
         yield Data("table_period", "rad", np.asarray(self.table.period))
         yield Data("minimum_film", "m", film.minimum_film)
@@ -376,7 +388,8 @@ def loaded_journal(
 
 def _thinnest(angle, position):
     """[rad] Where the panel polynomials come nearest to the bush, of 400 places on each panel."""
-    rule, x = gauss(_NODES), np.linspace(0, 1, 401)
+    rule = gauss(_NODES)
+    x = np.linspace(0, 1, 401)
     size = np.hypot(*(np.asarray(position).reshape(2, -1, _NODES) @ rule.through(x).T))
     panel, place = np.unravel_index(np.argmax(size), size.shape)
     nodes = np.asarray(angle).reshape(-1, _NODES)[panel]

@@ -102,7 +102,8 @@ def motion_at(
     """
     if closure_of(compressor.motor).integrates:
         return solve_motion(compressor, angle, speed, motor_torque, evidence)
-    at, still = instants(compressor, angle), jnp.zeros_like(speed)
+    at = instants(compressor, angle)
+    still = jnp.zeros_like(speed)
     loop = loop_of(compressor, CrankState(angle, speed, still), at.gas_force, at.kinematics)
     return Instantaneous(still, at, loop.loads(closed(loop.loops), evidence))
 
@@ -147,7 +148,8 @@ class _Equation(AbstractRoot):
         """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
         value, joint = unknowns
         each = self.loop(value).directions(joint)
-        one, none = jnp.ones_like(value), jnp.zeros_like(value)
+        one = jnp.ones_like(value)
+        none = jnp.zeros_like(value)
         ways = (
             jnp.stack([one, *[none] * len(each)]),
             jnp.concatenate([jnp.zeros_like(joint)[None], each]),
@@ -286,7 +288,8 @@ class _TorqueCurve(AbstractClosure):
         """A Newton step with the slope of the torques over E, an implicit step on every panel."""
         del motor
         assert steepness is not None
-        grid, scale = now.grid, now.energy_scale
+        grid = now.grid
+        scale = now.energy_scale
         slope = now.motor + now.conservative - now.loss - 0.5 * now.closed_inertia_1 * now.base**2
         # dE/dtheta = slope + steep (E - E_last), all over `scale`, panel by panel
         rest = slope / scale - steepness * now.energy

@@ -239,7 +239,8 @@ class Orbit(Result, eqx.Module):
         width = self.panel_width
         both = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
         extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(both)
-        swing, work = jnp.sum(extremes), jnp.sum(self.weight * load)
+        swing = jnp.sum(extremes)
+        work = jnp.sum(self.weight * load)
         some = jnp.abs(work) > _NO_WORK * jnp.sum(self.weight * jnp.abs(load))
         return jnp.where(some, swing * 2 * jnp.pi / jnp.where(some, work, 1.0), jnp.inf)
 

@@ -89,7 +89,8 @@ def law_of(compressor: Compressor) -> SuctionWarming | None:
 
 def electric_power(compressor: Compressor, orbit: Orbit) -> Float[Array, ""]:
     """[W] Of the motor of a solved orbit; its shaft power where it has no `losses`."""
-    losses, shaft = compressor.motor.losses, orbit.motor_power
+    losses = compressor.motor.losses
+    shaft = orbit.motor_power
     if losses is None:
         return shaft
     return shaft / losses.at(shaft / orbit.mean_speed) + losses.fixed_power
@@ -115,12 +116,14 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     """
     cycle = orbit.cycle
     assert cycle is not None
-    work, case = cycle.work_losses, cycle.case
+    work = cycle.work_losses
+    case = cycle.case
     isentropic = work["isentropic"] * cycle.frequency
     before = jnp.zeros(())
     if case.cylinder.suction.heating is not None:
         rise = compressed_as_it_comes(cycle).h - case.comes.h
-        before, isentropic = isentropic, cycle.mass_flow * rise
+        before = isentropic
+        isentropic = cycle.mass_flow * rise
         before -= isentropic
     shaft = orbit.motor_power
     electric = electric_power(compressor, orbit)
@@ -150,7 +153,8 @@ def _heat(
     Every part is summed by itself, so that they add up to the electric power only where the gas keeps
     its energy and a law of warming is met.
     """
-    case, law = cycle.case, law_of(compressor)
+    case = cycle.case
+    law = law_of(compressor)
     gained = cycle.totals.discharge_heat - cycle.totals.discharge * case.comes.h
     refrigerant = gained * cycle.frequency
     if law is None:

@@ -179,7 +179,8 @@ class OrbitProblem(AbstractFixedPoint):
         at_ends = marks @ grid.rule.through(ends).T
         values = jnp.concatenate([at_ends[..., :1], marks, at_ends[..., 1:]], axis=-1)
         changes = (values[..., 1:] * values[..., :-1] < 0) & (grid.width[:, None] > NO_WIDTH)
-        count, loads = self.resolution.reversals, (marks.shape[0] - self.kinks) // 2
+        count = self.resolution.reversals
+        loads = (marks.shape[0] - self.kinks) // 2
         along = slice(self.kinks, self.kinks + loads)
         # The magnitude turns within an angle of the load that is left over the rate of the other.
         rate = jnp.abs(jnp.diff(values[along], axis=-1)) / jnp.diff(angle)

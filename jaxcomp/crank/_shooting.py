@@ -175,7 +175,8 @@ class Shooting(eqx.Module):
             (end, course), (end_slope, course_slope) = self.march(
                 machine, unknowns, fixed, diffrax.ForwardMode(), slopes=True
             )
-            result, by_unknowns = (unknowns, end, course), (eye, end_slope, course_slope)
+            result = (unknowns, end, course)
+            by_unknowns = (eye, end_slope, course_slope)
             gap, jacobian = _along(
                 lambda end, unknowns: _gap_at(end, unknowns, machine, fixed),
                 (end, unknowns),
@@ -192,7 +193,8 @@ class Shooting(eqx.Module):
             shot = _Shot(result, by_unknowns, jacobian)
             return unknowns - step, shot, jnp.max(jnp.abs(step)), steps + 1
 
-        begin, count = _at_rest(machine, start, fixed), self._nodes(fixed).size
+        begin = _at_rest(machine, start, fixed)
+        count = self._nodes(fixed).size
         course = jax.tree.map(lambda x: jnp.zeros((count, *x.shape)), _reported(begin))
         nothing = start, begin, course
         slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), nothing)
@@ -352,7 +354,8 @@ def _motion(machine, angle, speed, unknowns, fixed: "_Fixed", evidence=False):
         motor = motor * unknowns[1] * fixed.level
     now = motion_at(machine, angle, speed, motor, evidence)
     if not closure.integrates:  # the motor gives what keeps its speed
-        at, losses = now.at, now.loads.total_loss_torque
+        at = now.at
+        losses = now.loads.total_loss_torque
         motor = 0.5 * at.inertia_1 * speed**2 - at.conservative + losses
     return now, motor
 

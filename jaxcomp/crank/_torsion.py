@@ -39,9 +39,14 @@ from ._solve import solve_orbit
 _SAMPLES = 64
 # [-] Highest harmonic over the order of the highest mode, and bounds of the count. Of twenty random
 # machines 16 harmonics were up to 24 % off, these 3e-5.
-_BEYOND, _STEP, _FEWEST, _MOST, _TRACED = 2.5, 16, 48, 512, 128
+_BEYOND = 2.5
+_STEP = 16
+_FEWEST = 48
+_MOST = 512
+_TRACED = 128
 # [rad] Phase of the highest harmonic on a part of a panel, for which so many nodes are exact.
-_PHASE, _NODES = 8.0, 12
+_PHASE = 8.0
+_NODES = 12
 
 
 class TorsionalChain(Part):
@@ -286,7 +291,8 @@ def _spring_torques(
     mean = -jnp.cumsum(torque @ duration / jnp.sum(duration))[:-1]
     size = jnp.abs(amplitude)
     error = jnp.sum(size[:, count:], axis=1) + 3 * jnp.sum(size[:, 3 * reached // 4 :], axis=1)
-    amplitude, frequency = amplitude[:, :count], frequency[:count]
+    amplitude = amplitude[:, :count]
+    frequency = frequency[:count]
     peak = _peak(mean, amplitude)
     return TrainTorques(mean, amplitude, frequency, peak, chain.natural_frequencies[1:], error)
 
@@ -297,7 +303,8 @@ def _harmonics(torque: Float[Array, "i n"], orbit: Orbit, count: int, cuts: int)
     Panel by panel, of the polynomials through the nodes, on parts so short that the quadrature is exact
     for the highest order: the nodes themselves see no order beyond their own number on a panel.
     """
-    rule, fine = gauss(orbit.panel_nodes), gauss(_NODES)
+    rule = gauss(orbit.panel_nodes)
+    fine = gauss(_NODES)
     x = ((np.arange(cuts)[:, None] + fine.nodes) / cuts).ravel()
     weight = np.tile(fine.weights / cuts, cuts)
     through = rule.through(x).T
@@ -318,7 +325,8 @@ def _peak(mean: Float[Array, " s"], amplitude: Complex[Array, "s h"]) -> Float[A
     whole = jnp.zeros((amplitude.shape[0], samples // 2 + 1), complex)
     whole = whole.at[:, 0].set(mean).at[:, 1 : count + 1].set(amplitude / 2)
     course = jnp.fft.irfft(whole, samples, axis=1) * samples
-    before, after = jnp.roll(course, 1, axis=1), jnp.roll(course, -1, axis=1)
+    before = jnp.roll(course, 1, axis=1)
+    after = jnp.roll(course, -1, axis=1)
     bend = jnp.maximum(jnp.abs(2 * course - before - after), 1e-300)
     top = jnp.abs(course) + (after - before) ** 2 / (8 * bend)
     # only where a sample is no less than its neighbours does the parabola have its top beside it
@@ -385,7 +393,8 @@ def throw_inertias(compressor: Compressor) -> Float[Array, " t"]:
 
 def _own_losses(compressor: Compressor, orbit: Orbit) -> Float[Array, "k n"]:
     """[N m] Loss torque of the joints that each cylinder has for itself."""
-    losses, crankshaft = orbit.loads.loss_torque, compressor.crankshaft
+    losses = orbit.loads.loss_torque
+    crankshaft = compressor.crankshaft
     joints = {} if compressor.friction is None else vars(compressor.friction)
     none = jnp.zeros_like(orbit.state.speed)
     return jnp.stack([

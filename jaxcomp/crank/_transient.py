@@ -72,7 +72,8 @@ class Transient(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        at, energy = self.table_dims, self.energy
+        at = self.table_dims
+        energy = self.energy
         yield Data("end_time", "s", self.end_time)
         yield Data("stopped", "", self.stopped)
         yield Data("time", "s", self.time, at)
@@ -92,7 +93,9 @@ class Transient(Result, eqx.Module):
     def nested(self) -> dict[str, Any]:
         """The end of the motion, works up to it, what came out of valves, and the course."""
         time, angle, speed = map(np.asarray, (self.time, self.state.angle, self.state.speed))
-        energy, gas, of_gas = self.energy, self.gas, {}
+        energy = self.energy
+        gas = self.gas
+        of_gas = {}
         if gas is not None:
             of_gas = {
                 "delivered_mass": np.sum(gas.totals.discharge),
@@ -279,7 +282,8 @@ def _simulate_gas(
     good = admissible(machine)
     compressor = values_only(clipped(machine))
     law, marched = march_with_gas(compressor, options, until_rest, duration, angle, speed, off)
-    end, dense = marched.angle / law.pace, DenseSteps(marched.record, law.pace, law.unravel)
+    end = marched.angle / law.pace
+    dense = DenseSteps(marched.record, law.pace, law.unravel)
     time = jnp.linspace(0.0, 1.0, options.samples) * end
     ys = jax.vmap(dense.evaluate)(time)
     gas, rise = law.course(marched, time, ys)

@@ -173,7 +173,8 @@ class CrankAndGas(AbstractLaw):
         """The gas at instants [s] with these states, and the acceleration of the crank [rad/s^2]."""
         row = jnp.searchsorted(marched.record.angle, time * self.pace, side="right") - 1
         flags = marched.record.flags[jnp.clip(row, 0)]
-        system, some = self.system, self.system.cases.cylinder.plenums
+        system = self.system
+        some = self.system.cases.cylinder.plenums
 
         def one(case, angle, gas):
             T, rho = temperature_and_density(case, angle, gas)
@@ -215,7 +216,8 @@ def march_with_gas(
         speed: [rad/s] at the start.
         off: [s] at which the motor is switched off.
     """
-    pace, system = compressor.motor.speed_guess, _system(compressor)
+    pace = compressor.motor.speed_guess
+    system = _system(compressor)
     gas = system.each(_at_suction, system.own_angle(angle)).ravel()
     gas = jnp.concatenate([gas, first_states(system.shared, rest=True)])
     first = {"angle": angle, "speed": speed / pace, "gas": gas}
@@ -254,7 +256,8 @@ def crank_rates(compressor: Compressor, at, motor_on):
     """
     now = at["speed"] * compressor.motor.speed_guess
     motor = jnp.where(motor_on, compressor.motor.torque(now), 0.0)
-    placed, others = with_journals(compressor, at.get("journals")), {}
+    placed = with_journals(compressor, at.get("journals"))
+    others = {}
     rise, conservative, loads = acceleration(placed, at["angle"], now, motor)
     if "journals" in at:
         state = CrankState(at["angle"], now, rise)
@@ -271,7 +274,8 @@ def _crank(compressor: Compressor, at, pressure, motor_on):
 def _system(compressor: Compressor) -> Cylinders:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
-    mechanisms, speed = mechanisms_of(compressor), compressor.motor.speed_guess
+    mechanisms = mechanisms_of(compressor)
+    speed = compressor.motor.speed_guess
 
     def one(mechanism):
         return prepare(gas, mechanism, speed)
@@ -297,5 +301,6 @@ def _at_suction(case: Case, angle) -> Float[Array, " 8"]:
 def _first_flags(case: Case) -> Int[Array, " 6"]:
     """Valves shut, and no difference of pressure at the suction valve."""
     high = jnp.where(case.suction.p > case.discharge.p, 1, -1)
-    one, none = jnp.ones((), int), jnp.zeros((), int)
+    one = jnp.ones((), int)
+    none = jnp.zeros((), int)
     return jnp.stack([none, one, one, none, one, high])

@@ -65,7 +65,8 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     angle, _ = inside_panels(edges, fine.ravel())
     forces = law(angle, at_fine, fine_places).loads.forces
     peaks = {name: jnp.max(magnitude(*force)) for name, force in forces.items()}
-    gas, losses = end["work"]["gas"], end["work"]["losses"]
+    gas = end["work"]["gas"]
+    losses = end["work"]["losses"]
     # what the motor gives beyond gas and losses goes into the speed, whose gap is reported by itself
     energy = Energy(gas + sum(losses.values(), start=jnp.zeros(())), gas, losses)
     mean = orbit.mean_speed
@@ -126,7 +127,8 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
     def rate(angle, y, args):
         del args
         speed = jnp.maximum(y["speed"], 1e-6) * scale
-        angle, places = inside_panels(edges, angle)[0], y.get("journals")
+        angle = inside_panels(edges, angle)[0]
+        places = y.get("journals")
         now = law(angle, speed, places)
         torques = {"gas": -now.at.conservative, "losses": now.loads.loss_torque}
         return rates_over_angle(law.compressor, now, speed, torques, places, (scale, energy))

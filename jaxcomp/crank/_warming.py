@@ -49,7 +49,8 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
         orbit: its periodic state at the rise.
         rise: [K], or `None` without a law.
     """
-    law, cycle = law_of(compressor), orbit.cycle
+    law = law_of(compressor)
+    cycle = orbit.cycle
     if law is None or cycle is None:
         return None
     here = at_rise(compressor, rise)

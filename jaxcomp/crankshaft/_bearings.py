@@ -123,7 +123,8 @@ class MainBearings(Part):
     def line(self):
         """Shares of each bearing of a force at the origin [-] and of a moment there [1/m]."""
         if self.shaft != "rigid" and len(self.bearings) > 2:
-            zero, one = jnp.zeros(1), jnp.ones(1)
+            zero = jnp.zeros(1)
+            one = jnp.ones(1)
             # A moment is a couple of forces close together, of which each bearing takes the slope.
             share, lever = jax.jvp(self.influence, (zero,), (one,))
             return list(zip(share[:, 0], lever[:, 0], strict=True))
@@ -240,7 +241,8 @@ def _beam(
 
     The supports are rigid, or springs of a stiffness [N/m] under a bending stiffness [N m^2].
     """
-    count, span = supports.size, jnp.max(supports) - jnp.min(supports)
+    count = supports.size
+    span = jnp.max(supports) - jnp.min(supports)
     # Over the span, so that cubes and straight lines in the system are of one size.
     at, z = supports / span, places / span
     lines = jnp.stack([jnp.ones(count), at])

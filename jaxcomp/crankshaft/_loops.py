@@ -94,7 +94,8 @@ class MachineLoops(eqx.Module):
     def _reactions(self, force: Vector) -> dict[str, Vector]:
         """Force of each main bearing on the shaft [N], by name."""
         shaft = self.crankshaft
-        turned, found = shaft.turned(force), {}
+        turned = shaft.turned(force)
+        found = {}
         for name, share, own in zip(bearing_names(shaft), self.shares, self.pull, strict=True):
             share = shaft.along(share, self.speed)
             found[name] = Vector(
@@ -104,9 +105,11 @@ class MachineLoops(eqx.Module):
 
     def loads(self, unknown, evidence: bool) -> JointLoads:
         """Forces and losses; with residual and margin if `evidence`."""
-        each, shaft = self.loops.loads(unknown, evidence), self.crankshaft
+        each = self.loops.loads(unknown, evidence)
+        shaft = self.crankshaft
         reactions = self._reactions(Vector(*each.forces[self.loops.at_crank]))
-        forces, losses = {}, {}
+        forces = {}
+        losses = {}
         for place in range(shaft.count):
             for joint, force in each.forces.items():
                 forces[shaft.joint(joint, place + 1)] = force[:, place]
@@ -153,15 +156,18 @@ def machine_loops(
     own_gravity = None if gravity is None else crankshaft.own_gravity(gravity, state.angle)
     support: AbstractJournal | MainBearings | None = crankshaft.main_journal
     # A single journal takes all of the force and none of the moment.
-    line, influence = [(1.0, 0.0)], None
+    line = [(1.0, 0.0)]
+    influence = None
     shares = jnp.ones((1, crankshaft.count))
     if isinstance(support, MainBearings):
-        line, influence = support.line(), support.influence
+        line = support.line()
+        influence = support.influence
         shares = influence(crankshaft.position)
     second = crankshaft.second_rate(kinematics, state)
     pulls = crankshaft.crank_pulls(second, mechanism, line, influence)
     if gravity is not None:
-        weight, centre = crankshaft.mass * gravity, crankshaft.mass_centre
+        weight = crankshaft.mass * gravity
+        centre = crankshaft.mass_centre
         pulls = [
             # The bearings push the shaft: its mass times acceleration, less its weight.
             Vector(*(p - (share + lever * centre) * w for p, w in zip(pull, weight, strict=True)))

@@ -44,15 +44,20 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
     Raises:
         BadInput: a name that stands for none.
     """
-    text, times = re.sub(r"[ _-]", "", name.lower()), 1
+    text = re.sub(r"[ _-]", "", name.lower())
+    times = 1
     found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
     flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
     if found and float(found[2]) * {"w": 2, "vv": 3}.get(found[1], 1) < 360:
-        kind, spacing, times = found[1], float(found[2]), int(found[3] or 1)
+        kind = found[1]
+        spacing = float(found[2])
+        times = int(found[3] or 1)
         count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
         banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
     elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
-        kind, count, times = flat[1], int(flat[2] or 2), int(flat[3] or 1)
+        kind = flat[1]
+        count = int(flat[2] or 2)
+        times = int(flat[3] or 1)
         if kind == "radial":
             times = times if 1 <= count <= _MOST else 0
             banks = [[i * 360 / count for i in range(min(count, _MOST))]]
@@ -62,7 +67,8 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
             times *= {"single": 1}.get(kind, count)
             banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
     else:
-        times, banks = 0, [[0.0]]
+        times = 0
+        banks = [[0.0]]
     if times < 1 or times > _MOST:
         known = (
             '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'

@@ -30,7 +30,9 @@ from .heat._base import HeatInput
 # m, T, then x, v, U of the suction and of the discharge valve; then those of the wall
 STATES = 8
 FLAGS = 6
-SEAT, FREE, STOP = 0, 1, 2
+SEAT = 0
+FREE = 1
+STOP = 2
 # For either valve: leaves its seat, meets it or leaves its stop; meets its stop; U = 0; dp = 0.
 EVENTS = 8
 # [1/rad] How fast what does not move returns to its place, where it is already.
@@ -202,7 +204,8 @@ def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -
         volume_1: [m^3/rad]
     """
     (suction, discharge), (masses, heats), worked = case.lines, flows, volume_1 / case.energy_scale
-    back, lost = -jnp.minimum(masses, 0.0), is_open * worked
+    back = -jnp.minimum(masses, 0.0)
+    lost = is_open * worked
     return Accounts(
         work=inside.p * worked,
         suction=masses[0],
@@ -302,7 +305,8 @@ def _leakage(case: Case, inside: Side, suction: Side, inward, transport):
 
 def _transport(cylinder, gas: GasState):
     """Viscosity and conductivity of the gas; `None` where every law has its own."""
-    heat, gap = cylinder.heat, cylinder.leakage
+    heat = cylinder.heat
+    gap = cylinder.leakage
     given = heat is None or (heat.viscosity is not None and heat.conductivity is not None)
     if given and (gap is None or gap.viscosity is not None):
         return None, None
@@ -380,11 +384,13 @@ def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
     volume, volume_1 = case.volume(angle)
     full = (1 + case.cylinder.clearance_ratio) * case.swept
     squeeze = (full / volume) ** (jnp.clip(case.suction.kappa, 1.01, 1.7) - 1)
-    high, low = case.isentropic, case.suction
+    high = case.isentropic
+    low = case.suction
     mass = jnp.minimum(full / case.swept, high.rho / low.rho * volume / case.swept)
     warm = jnp.minimum(squeeze, high.T / low.T)
     outward = volume_1 > 0  # the piston draws in
-    mass, warm = jnp.where(outward, volume / case.swept, mass), jnp.where(outward, 1.0, warm)
+    mass = jnp.where(outward, volume / case.swept, mass)
+    warm = jnp.where(outward, 1.0, warm)
     state = jnp.zeros(STATES).at[0].set(mass).at[1].set(warm)
     p = gas_in(case, angle, state).p
     signs = [jnp.where(case.suction.p > p, 1, -1), jnp.where(p > case.discharge.p, 1, -1)]

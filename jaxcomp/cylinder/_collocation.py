@@ -30,7 +30,8 @@ _PASSED = 1e-9
 # [-] A step of Newton's method beyond this has lost the solution.
 _LOST = 10.0
 # [-] A step below this part of the one before is taken with the same Jacobian, so many at most.
-_FAST, _MOST_WITH_ONE = 0.1, 6
+_FAST = 0.1
+_MOST_WITH_ONE = 6
 
 
 class Residual(NamedTuple):
@@ -83,14 +84,18 @@ class Blocks(NamedTuple):
 
 def linearise(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
     """The equations, their Jacobian and the event functions, from one evaluation of the law."""
-    panels, s, n = z.points.shape[0], z.points.shape[1] - 1, z.points.shape[2]
+    panels = z.points.shape[0]
+    s = z.points.shape[1] - 1
+    n = z.points.shape[2]
     rule = gauss(s)
     a, b, c = map(jnp.asarray, (rule.integral, rule.weights, rule.nodes))
     (slope, events), (by_state, by_angle), (events_by_state, events_by_angle) = at_points(
         system.jacobian, mesh, z
     )
     left = _residual(system, mesh, z, slope, events)
-    slope, by_state, by_angle = slope[:, :s], by_state[:, :s], by_angle[:, :s]
+    slope = slope[:, :s]
+    by_state = by_state[:, :s]
+    by_angle = by_angle[:, :s]
     w = jnp.diff(z.edges)[:, None, None]
     stages = jnp.eye(s * n) - (
         w[..., None, None] * a[:, None, :, None] * by_state.transpose(0, 2, 1, 3)[:, None]
@@ -157,7 +162,8 @@ def factorise(blocks: Blocks) -> Factors:
     ends = blocks.out @ nodes + blocks.direct
 
     # the edge at the end follows its event, and is no input any more
-    gradient, by_edge = blocks.event[:, :n], ends[:, :, n + 1]
+    gradient = blocks.event[:, :n]
+    by_edge = ends[:, :, n + 1]
     slope = jnp.sum(gradient * by_edge, axis=1) + blocks.event[:, n]
     share = jnp.where(blocks.has_event, 1 / jnp.where(blocks.has_event, slope, 1.0), 0.0)
     edge = -share[:, None] * jnp.einsum("pa,pak->pk", gradient, ends[:, :, : n + 1])
@@ -199,7 +205,9 @@ def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m"]) -> Float[Arra
 
 def solve_factors(factors: Factors, given: Residual) -> Unknowns:
     """Solve the linearised equations; linear in `given`, whose part is kept apart for that reason."""
-    panels, s, n = given.points.shape[0], given.points.shape[1] - 1, given.points.shape[2]
+    panels = given.points.shape[0]
+    s = given.points.shape[1] - 1
+    n = given.points.shape[2]
     own_nodes = _solve_stages(factors.stages, given.points[:, :s].reshape(panels, s * n, 1))
     own_ends = (factors.out @ own_nodes)[:, :, 0] + given.points[:, -1]
     own_edge = factors.share * (given.events - jnp.sum(factors.gradient * own_ends, axis=1))

@@ -244,7 +244,8 @@ class Cycle(Result, eqx.Module):
 
         The suction valve's share is what the pressure at the bottom dead centre is below the line's.
         """
-        case, t = self.case, self.totals
+        case = self.case
+        t = self.totals
         c = case.cylinder.clearance_ratio
         expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
         clearance = c * (case.discharge.rho / expanded.rho - 1)

@@ -140,7 +140,8 @@ class _Limit(NamedTuple):
         text = f"{self.bound} {self.unit}"
         if self.unit != "K" or self.field.endswith(("superheat", "subcooling")):
             return text
-        low, high = self.bound.low - ZERO_CELSIUS, self.bound.high - ZERO_CELSIUS
+        low = self.bound.low - ZERO_CELSIUS
+        high = self.bound.high - ZERO_CELSIUS
         return f"{text} ({self.bound._replace(low=low, high=high)} degC)"
 
     def holds(self):
@@ -150,7 +151,8 @@ class _Limit(NamedTuple):
     def clipped(self) -> Float[Array, ""]:
         """The number moved inside."""
         low, high, low_open, high_open = self.bound
-        low, high = low * (1 + 1e-6 * low_open), high * (1 - 1e-6 * high_open)
+        low = low * (1 + 1e-6 * low_open)
+        high = high * (1 - 1e-6 * high_open)
         value = jnp.asarray(self.value)
         moved = jnp.clip(jnp.nan_to_num(value), low, high)
         return jnp.where(jnp.asarray(self.holds()), value, moved)
@@ -176,7 +178,8 @@ def _bubble(fluid: AbstractRealGas, pressure, saturated):
 
 
 def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
-    fluid, line = cylinder.fluid, cylinder.suction
+    fluid = cylinder.fluid
+    line = cylinder.suction
     if has_dew_line(fluid) and line.evaporating is not None:
         inside = Bound(fluid.temperature_range[0], fluid.critical_temperature, high_open=True)
         yield _Limit("suction.evaporating", line.evaporating, inside, "K", _critical(fluid))
@@ -187,7 +190,8 @@ def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 
 
 def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
-    fluid, line = cylinder.fluid, cylinder.suction
+    fluid = cylinder.fluid
+    line = cylinder.suction
     (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.evaporating)
     heated = 0.0 if line.heating is None else line.heating
     why = f"the range of {_name(fluid)}"
@@ -216,7 +220,8 @@ def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 
 
 def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
-    fluid, line = cylinder.fluid, cylinder.discharge
+    fluid = cylinder.fluid
+    line = cylinder.discharge
     (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.condensing)
     if line.temperature is not None:
         least = dew - _NEAR
@@ -241,7 +246,8 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 
 def _dry_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     """Superheat, where temperatures give it; solvers call wet gas `Status.wet`."""
-    fluid, line = cylinder.fluid, cylinder.suction
+    fluid = cylinder.fluid
+    line = cylinder.suction
     if line.temperature is not None:
         dew = _dew(fluid, line.pressure, line.evaporating)
         why = f"the dew temperature of {_name(fluid)}"
@@ -282,11 +288,13 @@ class Pace(eqx.Module):
 
     def at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
         """The excess [-] at a crank angle [rad] of any revolution, with all derivatives."""
-        first, revolution = self.edges[0], 2 * np.pi
+        first = self.edges[0]
+        revolution = 2 * np.pi
         turned = first + jnp.mod(angle - first, revolution)
         panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
         panel = jnp.clip(panel, 0, self.edges.size - 2)
-        start, width = self.edges[panel], self.edges[panel + 1] - self.edges[panel]
+        start = self.edges[panel]
+        width = self.edges[panel + 1] - self.edges[panel]
         wide = width > 0
         x = jnp.where(wide, (turned - start) / jnp.where(wide, width, 1.0), 0.5)
         count = self.excess.shape[-1]

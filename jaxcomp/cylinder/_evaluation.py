@@ -51,7 +51,8 @@ def cycles_of(system: Cylinders, found, marching: bool) -> SeveralCycles:
     together, points = _followed(system, found, marching)
 
     def one(case, phase, number, totals, points, left, accounts, pressure):
-        mesh, z = together.mesh, together.z
+        mesh = together.mesh
+        z = together.z
         event = mesh.event - EVENTS * number
         here = (event >= 0) & (event < EVENTS)
         flags = lax.dynamic_slice_in_dim(mesh.flags, FLAGS * number, FLAGS, axis=1)
@@ -130,14 +131,17 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
     T, rho = jax.vmap(jax.vmap(lambda a, y: temperature_and_density(case, a, y)))(angle, z.points)
     volume = jax.vmap(jax.vmap(lambda a: case.volume(a)[0]))(angle)
     free = mesh.flags[:, jnp.asarray([0, 3])] == FREE
-    which, scale_of = mesh.event, jnp.stack([velocity for _, velocity, _ in scale])
+    which = mesh.event
+    scale_of = jnp.stack([velocity for _, velocity, _ in scale])
     valve = jnp.clip(which, 0, 7) // 4
     slot = jnp.where(which >= 0, which % 4, 4)
     column = jnp.where(valve == 0, 3, 6)
     speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]
     moving = jnp.take_along_axis(free, valve[:, None], axis=1)[:, 0]
-    meets, sits = moving & (slot < 2), mesh.code == 1
-    shuts, opens = meets & sits, ~moving & (slot == 0) & sits
+    meets = moving & (slot < 2)
+    sits = mesh.code == 1
+    shuts = meets & sits
+    opens = ~moving & (slot == 0) & sits
     events = Events(which, z.edges[1:], speed * scale_of[valve], meets, shuts, opens)
     return Cycle(
         angle=flat(angle),
@@ -170,7 +174,8 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
 
 def account_scales(case: Case) -> Float[Array, " 12"]:
     """[kg] or [J] of every account."""
-    mass, energy = case.mass_scale, case.energy_scale
+    mass = case.mass_scale
+    energy = case.energy_scale
     masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
     return jnp.stack([mass if name in masses else energy for name in Accounts._fields])
 

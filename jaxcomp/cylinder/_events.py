@@ -35,7 +35,8 @@ def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[A
 
 def after_event(case: Case, event, state, flags, force):
     """Code of the jump and flags after an event, from the state before it."""
-    code, new = jnp.zeros((), int), flags
+    code = jnp.zeros((), int)
+    new = flags
     for which, valve in enumerate(case.cylinder.valves):
         if valve.oscillator is None:
             continue
@@ -92,7 +93,8 @@ def passed(ends, slopes, width, flags, least):
     for which in range(2):
         x, v = 2 + 3 * which, 3 + 3 * which
         # the lift's rate is the velocity but for the unevenness of the crank
-        first, last = slopes[0][x], slopes[1][x]
+        first = slopes[0][x]
+        last = slopes[1][x]
         turns = (first * last < 0) & (flags[3 * which] == FREE)
         change = jnp.where(turns, ends[1][v] - ends[0][v], 1.0)
         pace = (last - first) / change

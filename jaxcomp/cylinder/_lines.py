@@ -129,7 +129,8 @@ class DischargeLine(Part):
         """
         if not has_dew_line(fluid):
             raise TypeError("a cooling capacity needs a real gas with a dew line.")
-        pressure, temperature = self.pressure, self.liquid_temperature
+        pressure = self.pressure
+        temperature = self.liquid_temperature
         if pressure is None or temperature is None:
             saturated = fluid.saturation(self.condensing, pressure)
             pressure = saturated.p

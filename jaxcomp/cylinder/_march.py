@@ -218,7 +218,8 @@ def _beginning(route: _Route, start, state, flags) -> _Carry:
     law = route.law
     _, events, _ = jax.eval_shape(law.rates, start, state, flags)
     # the events are not known yet; at first they are only a guess within the bracket of one
-    unknown, none = jnp.ones(events.shape), jnp.zeros((), int)
+    unknown = jnp.ones(events.shape)
+    none = jnp.zeros((), int)
     # one row more than are kept takes what is thrown away
     record = empty_record(route.capacity + 1, law.kept, flags.size)
     first = jnp.minimum(0.02, law.longest(flags))
@@ -284,11 +285,15 @@ def _attempt(route: _Route, carry: _Carry) -> _Attempt:
 
 def _judged(route: _Route, carry: _Carry, tried: _Attempt) -> _Verdict:
     """Whether a step stands, by its error, the events at its end and the valves within it."""
-    law, search, events, least = route.law, carry.search, tried.events, route.at_event
+    law = route.law
+    search = carry.search
+    events = tried.events
+    least = route.at_event
     negative = events < jnp.minimum(_CROSSED, -0.1 * least)
     crossed = jnp.any(negative & law.towards(tried.state, events))
     # a first event that lies within the step is sought from a step that ends beyond it
-    ends, slopes = (carry.state, tried.state), (tried.slopes[0], tried.slopes[6])
+    ends = (carry.state, tried.state)
+    slopes = (tried.slopes[0], tried.slopes[6])
     share = law.passed(ends, slopes, carry.width, carry.flags, least)
     small = (tried.error <= 1) | search.active
     returns = small & jnp.isfinite(tried.error) & (share < 1)
@@ -308,7 +313,9 @@ def _sought(
     route: _Route, carry: _Carry, tried: _Attempt, verdict: _Verdict
 ) -> tuple[_Search, Array]:
     """The bracket of an event, closer by the step that was tried, and the width to try next [rad]."""
-    search, crossed, events = carry.search, verdict.crossed, tried.events
+    search = carry.search
+    crossed = verdict.crossed
+    events = tried.events
     high = jnp.where(crossed, carry.width, search.high)
     at_high = jnp.where(crossed, events, search.at_high)
     lower = search.active & ~crossed
@@ -340,8 +347,10 @@ def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
 
 def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code) -> Record:
     """The record with a step that was taken; others go into the row that is thrown away."""
-    kept, slopes = route.law.kept, tried.slopes
-    states, rates = (carry.state, tried.state), (slopes[0], slopes[6])
+    kept = route.law.kept
+    slopes = tried.slopes
+    states = (carry.state, tried.state)
+    rates = (slopes[0], slopes[6])
     entry = Record(
         carry.angle,
         carry.width,
@@ -368,7 +377,9 @@ def _ahead(angle, stop, knots: tuple):
 
 
 def empty_record(rows: int, states: int, count: int) -> Record:
-    table, row, flat = jnp.zeros((rows, states)), jnp.zeros(rows), jnp.full(rows, -1)
+    table = jnp.zeros((rows, states))
+    row = jnp.zeros(rows)
+    flat = jnp.full(rows, -1)
     flags = jnp.zeros((rows, count), int)
     return Record(jnp.full(rows, jnp.inf), row, table, table, table, table, flags, flat, flat)
 

@@ -136,7 +136,8 @@ def over_panels(
         values: (p, m) at the Gauss nodes and at the end of every panel.
         angle: [rad]
     """
-    start, count = edges[0], values.shape[1]
+    start = edges[0]
+    count = values.shape[1]
     angle = start + jnp.mod(angle - start, 2 * jnp.pi)
     panel = jnp.searchsorted(edges[1:-1], angle, side="right")
     width = jnp.diff(edges)[panel]
@@ -184,7 +185,8 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     angle = jnp.concatenate([z.edges[:-1, None], angle], axis=1)
     states = jnp.concatenate([z.left[:, None], z.points], axis=1)
     pace = case.speed / jax.vmap(jax.vmap(case.speed_at))(angle)
-    gap, wide = jnp.diff(angle, axis=1), jnp.maximum(width, 1e-7)
+    gap = jnp.diff(angle, axis=1)
+    wide = jnp.maximum(width, 1e-7)
     # slope at the end of a panel, from the values at its points
     count = z.points.shape[1]
     slope = legendre.legvander([1.0], count - 1)

@@ -82,7 +82,8 @@ class Scales(NamedTuple):
 
 def chain_scales(case) -> Scales:
     """Scales of the plenums of a `Case`."""
-    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
+    suction = case.cylinder.suction.plenums
+    discharge = case.cylinder.discharge.plenums
     mass = [p.volume * case.suction.rho for p in suction]
     mass += [p.volume * case.discharge.rho for p in discharge]
     return Scales(tuple(mass), case.suction.T, case.mass_scale * case.speed / (2 * jnp.pi))
@@ -90,15 +91,19 @@ def chain_scales(case) -> Scales:
 
 def chains(case, state: Float[Array, " 3p"]) -> tuple[PlenumChain, PlenumChain]:
     """Both chains with their gases, from the states of all plenums."""
-    scales, fluid = chain_scales(case), case.cylinder.fluid
-    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
-    gases, flows = [], []
+    scales = chain_scales(case)
+    fluid = case.cylinder.fluid
+    suction = case.cylinder.suction.plenums
+    discharge = case.cylinder.discharge.plenums
+    gases = []
+    flows = []
     for i, plenum in enumerate((*suction, *discharge)):
         m, T, f = state[PER_PLENUM * i : PER_PLENUM * (i + 1)]
         gases.append(_gas(fluid, plenum, m * scales.mass[i], T * scales.temperature))
         flows.append(f * scales.flow)
     cut = len(suction)
-    before, behind = tuple(gases[:cut]), tuple(gases[cut:])
+    before = tuple(gases[:cut])
+    behind = tuple(gases[cut:])
     return (
         PlenumChain(suction, before, tuple(flows[:cut]), (case.suction, *before), True),
         PlenumChain(discharge, behind, tuple(flows[cut:]), (*behind, case.discharge), False),
@@ -121,7 +126,9 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
         pace: [rad/s]
     """
     scales = chain_scales(case)
-    out, place, least = [], 0, _MIXED * scales.flow
+    out = []
+    place = 0
+    least = _MIXED * scales.flow
     walls = case.cylinder.walls
     sides = zip(pair, (streams[:2], streams[2:4]), streams[4:], strict=True)
     for chain, at_valve, heat in sides:
@@ -145,7 +152,8 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
             T_1 = energy / (mass * gas.c_v * scales.temperature * pace)
             if plenum.temperature is not None:
                 T_1 = -_IDLE * (T - plenum.temperature / scales.temperature)
-            area, flow = plenum.neck_area, chain.flows[i]
+            area = plenum.neck_area
+            flow = chain.flows[i]
             loss = plenum.loss_coefficient / (2 * up[i].rho * area**2) * flow * sizes[i]
             push = (chain.nodes[i].p - chain.nodes[i + 1].p - loss) * area / plenum.neck_length
             out += [gained / (scales.mass[place + i] * pace), T_1, push / (scales.flow * pace)]
@@ -161,8 +169,10 @@ def first_states(case, rest: bool) -> Float[Array, " 3p"]:
         rest: everything at the state of the suction line and without flow; else every plenum as its line,
             with a usual flow.
     """
-    scales, fluid = chain_scales(case), case.cylinder.fluid
-    suction, discharge = case.cylinder.suction.plenums, case.cylinder.discharge.plenums
+    scales = chain_scales(case)
+    fluid = case.cylinder.fluid
+    suction = case.cylinder.suction.plenums
+    discharge = case.cylinder.discharge.plenums
     states = []
     for i, plenum in enumerate((*suction, *discharge)):
         line = case.suction if i < len(suction) or rest else case.discharge

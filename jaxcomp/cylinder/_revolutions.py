@@ -124,7 +124,8 @@ def _repeated(
     def advance(carry):
         state, last_change, found = carry
         new = turn(state, found.flags)
-        end, sums = new.state[: state.size], new.state[state.size :].reshape(totals.shape)
+        end = new.state[: state.size]
+        sums = new.state[state.size :].reshape(totals.shape)
         change = end - state
         share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
         usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
@@ -133,7 +134,8 @@ def _repeated(
         # the accelerated state is a guess of mass and temperature; what the valves do is kept
         gas = system.columns(0, 1)
         next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
-        size, passes = jnp.max(jnp.abs(change)), found.passes + new.passes
+        size = jnp.max(jnp.abs(change))
+        passes = found.passes + new.passes
         revolutions = found.revolutions + 1
         made = March(
             state=end,

@@ -474,12 +474,15 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
 
 
 def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
-    p, s, none = options.panel_count, options.nodes, jnp.zeros((), int)
+    p = options.panel_count
+    s = options.nodes
+    none = jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
     edges = START + TURN * jnp.linspace(0.0, 1.0, p + 1)
     z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
-    totals, solved = jnp.zeros((count, len(Accounts._fields))), jnp.asarray(False)
+    totals = jnp.zeros((count, len(Accounts._fields)))
+    solved = jnp.asarray(False)
     return CycleSolution(
         mesh=mesh,
         z=z,

@@ -97,7 +97,8 @@ class Cylinders(eqx.Module):
         found = self.each(one, self.own_angle(angle), own, flags.reshape(-1, FLAGS))
         slopes = found.state.ravel()
         if pair is not None:
-            shared, streams = self.shared, jnp.sum(found.streams, axis=0)
+            shared = self.shared
+            streams = jnp.sum(found.streams, axis=0)
             pace = shared.speed_at(self.own_angle(angle)[0]) if speed is None else shared.speed
             more = chain_rates(shared, pair, plenums, streams, pace)
             slopes = jnp.concatenate([slopes, more])
@@ -142,7 +143,8 @@ class Cylinders(eqx.Module):
         if q:
 
             def of_plenums(angle, plenums, streams):
-                pair, pace = chains(shared, plenums), shared.speed_at(angle)
+                pair = chains(shared, plenums)
+                pace = shared.speed_at(angle)
                 return chain_rates(shared, pair, plenums, streams, pace)
 
             given = own_angle[0], plenums, jnp.sum(streams, axis=0)
@@ -175,7 +177,8 @@ class Cylinders(eqx.Module):
         def one(case, place, state, flags, force):
             return after_event(case, event - EVENTS * place, state, flags, force)
 
-        own, shape = self.parted(state)[0], (self.count, -1)
+        own = self.parted(state)[0]
+        shape = (self.count, -1)
         given = jnp.arange(self.count), own, flags.reshape(shape), force.reshape(shape)
         code, new = self.each(one, *given)
         return jnp.max(code), new.ravel()

@@ -60,7 +60,8 @@ class Page:
 
     def _lay_out(self, with_sliders: list[str]) -> None:
         """Lay the page out anew around the machine as it stands."""
-        desk, scene = self.desk, self.desk.scene
+        desk = self.desk
+        scene = self.desk.scene
         self.sliders: dict[str, Slider] = {}
         self._wanted: tuple[str, float] | None = None
         self.pictures = Pictures(desk)
@@ -140,14 +141,16 @@ class Page:
 
     def drag(self, name: str, value: float) -> None:
         """A slider stands at another value [SI]; if it moves on meanwhile, only the last one counts."""
-        waits, self._wanted = self._wanted is not None, (name, value)
+        waits = self._wanted is not None
+        self._wanted = (name, value)
         if pn.state.curdoc is None:
             self._drag()
         elif not waits:
             pn.state.curdoc.add_next_tick_callback(self._drag)
 
     def _drag(self) -> None:
-        wanted, self._wanted = self._wanted, None
+        wanted = self._wanted
+        self._wanted = None
         if wanted is None or wanted[1] == self.desk.values[wanted[0]]:
             return
         name, value = wanted
@@ -189,7 +192,9 @@ class Page:
     def _ask_gains(self, patience: float | None = None) -> None:
         """Compute the gains aside and wait so long [s] for them; those that come later are shown then."""
         self._asked += 1
-        number, document, desk = self._asked, pn.state.curdoc, self.desk
+        number = self._asked
+        document = pn.state.curdoc
+        desk = self.desk
         if patience is None and document is not None:
             patience = _PATIENCE
         found = []
@@ -248,7 +253,8 @@ class Page:
         )
 
     def _improve(self, _) -> None:
-        desk, document = self.desk, pn.state.curdoc
+        desk = self.desk
+        document = pn.state.curdoc
         if self._searched is desk:
             return
         self._drag()
@@ -288,7 +294,8 @@ class Page:
         self._searched = None
         self._drag()  # what was moved before the answer came counts as moved meanwhile
         button = self.buttons["Improve"]
-        button.loading, button.label = False, "Improve"
+        button.loading = False
+        button.label = "Improve"
         if isinstance(found, Improvement):
             self.say(f"{found.quantity}: {desk.take(found)}")
         else:
@@ -345,7 +352,9 @@ class Page:
 
     def _show(self) -> None:
         """Pictures and results of the present state, in one message to the browser."""
-        desk, view, named = self.desk, self.desk.view, ""
+        desk = self.desk
+        view = self.desk.view
+        named = ""
         value = view.quantities.get(desk.quantity)
         if value is not None:
             look = desk.look(desk.quantity, value)
@@ -385,7 +394,8 @@ class Page:
         return list(dict.fromkeys([*known, *self.desk.numbers])) if known else []
 
     def _numbers_table(self) -> Any:
-        desk, gains = self.desk, self._gains()
+        desk = self.desk
+        gains = self._gains()
         rows = {
             "name": list(desk.numbers),
             "Number": [desk.label(name) for name in desk.numbers],
@@ -408,7 +418,8 @@ class Page:
         return table
 
     def _result_rows(self) -> Any:
-        desk, pinned = self.desk, self.desk.pinned
+        desk = self.desk
+        pinned = self.desk.pinned
         rows = []
         first = [name for name in HEADLINES if name in desk.view.quantities]
         for name in dict.fromkeys([*first, *desk.view.quantities]):

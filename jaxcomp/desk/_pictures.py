@@ -28,7 +28,8 @@ class Pictures:
     """Pictures whose curves and bars follow, each with the pinned state in grey behind it."""
 
     def __init__(self, desk: Desk):
-        self.desk, self.angle = desk, np.deg2rad(60.0)
+        self.desk = desk
+        self.angle = np.deg2rad(60.0)
         self.sources: dict[str, ColumnDataSource] = {}
         drawn = _drawn(desk.view, desk.system)
         self._plots = {title: self._figure(title, *axes, p) for title, (*axes, p) in drawn.items()}
@@ -143,7 +144,8 @@ def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[
 
     Bars are the columns of the name "".
     """
-    out, axes = {}, _AXES_US if system == "US" else _AXES
+    out = {}
+    axes = _AXES_US if system == "US" else _AXES
     if view.pressure is not None:
         (by_x, x_unit), (by_y, y_unit) = axes["m^3"], axes["Pa"]
         x, y = (np.append(curve, curve[0]) for curve in (view.volume * by_x, view.pressure * by_y))

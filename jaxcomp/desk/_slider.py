@@ -23,7 +23,9 @@ class Slider:
     """The slider of one number between two ends that can be typed."""
 
     def __init__(self, page: Any, name: str):
-        self.page, self.name, desk = page, name, page.desk
+        self.page = page
+        self.name = name
+        desk = page.desk
         low, high = desk.range_of(name)
         self.look = look = desk.look(name, [low, high])
         self.ends = [
@@ -34,7 +36,8 @@ class Slider:
         ]
         label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
         value = self._value
-        low, high = min(value, self.ends[0].value), max(value, self.ends[1].value)
+        low = min(value, self.ends[0].value)
+        high = max(value, self.ends[1].value)
         self.slider = _QuickSlider(
             label=label, start=low, end=high, step=(high - low) / _STEPS, value=value, format="0[.]00000",
             stylesheets=[_PLACE], margin=(5, 4),
@@ -62,10 +65,13 @@ class Slider:
 
     def follow(self) -> None:
         """Stand where the number stands, between ends that hold it."""
-        value, low, high = self._value, self.slider.start, self.slider.end
+        value = self._value
+        low = self.slider.start
+        high = self.slider.end
         if not low <= value <= high:
             wide = [self._shown(end) for end in self.page.desk.range_of(self.name)]
-            low, high = min(low, _short(wide[0]), value), max(high, _short(wide[1]), value)
+            low = min(low, _short(wide[0]), value)
+            high = max(high, _short(wide[1]), value)
         self._set(low, high)
 
     @property

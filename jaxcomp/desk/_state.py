@@ -111,7 +111,8 @@ class Desk:
     def __init__(
         self, scene: Scene, options: AnalysisOptions | None = None, quantity: str | None = None
     ):
-        self.scene, self.machine = scene, scene.machine
+        self.scene = scene
+        self.machine = scene.machine
         self.options = options or AnalysisOptions()
         self.quantities = available_quantities(self.machine, members=True)
         self.quantity = quantity or next(
@@ -153,7 +154,8 @@ class Desk:
 
     def range_of(self, name: str) -> tuple[float, float]:
         """[SI] Where the slider of a number begins and ends: a fifth to either side, inside its bound."""
-        value, one = self.values[name], self.numbers[name]
+        value = self.values[name]
+        one = self.numbers[name]
         reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
         return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
 
@@ -276,11 +278,14 @@ class Desk:
             BadInput, SolveFailed: as `jaxcomp.optimise`; or a quantity that is neither better when
                 larger nor when smaller.
         """
-        name, machine, began = self.quantity, self.machine, dict(self.values)
+        name = self.quantity
+        machine = self.machine
+        began = dict(self.values)
         if not self.quantities[name].better:
             raise BadInput("quantity", name, "one that is better when larger or smaller")
         # a list of which all values move together is a factor for those who optimise
-        scale, scaled = {}, {}
+        scale = {}
+        scaled = {}
         for number, ends in ranges.items():
             scale[number] = began[number] if list_length(machine, number) else 1.0
             scaled[number] = tuple(sorted(end / scale[number] for end in ends))
@@ -351,12 +356,16 @@ def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: Analysis
 
 
 def _of_crank(found: DesignResult) -> dict[str, Any]:
-    compressor, orbit = found.assembly.compressor, found.orbit
+    compressor = found.assembly.compressor
+    orbit = found.orbit
     assert compressor is not None
     turn = fine_turn(compressor, orbit)
-    gas, cycle = turn.pressure is not None, orbit.cycle
+    gas = turn.pressure is not None
+    cycle = orbit.cycle
     volume, pressure = first_diagram(compressor, turn) if gas else (None, None)
-    lift_angle, lifts, uses = None, {}, {}
+    lift_angle = None
+    lifts = {}
+    uses = {}
     if cycle is not None:
         first = (
             jax.tree.map(lambda x: x[0], cycle.each) if isinstance(cycle, SeveralCycles) else cycle

@@ -278,7 +278,8 @@ def squeeze_of(bearing: JournalBearing) -> AbstractSqueeze:
 
 def moving_film(bearing: JournalBearing) -> AbstractSqueeze | MixedSqueeze:
     """The film of a moving journal with the contact beside it, if there is one."""
-    film, contact = squeeze_of(bearing), ring_contact(bearing)
+    film = squeeze_of(bearing)
+    contact = ring_contact(bearing)
     return film if contact is None else MixedSqueeze(film, contact, film_unit(bearing))
 
 

@@ -36,12 +36,14 @@ APART = 8.0
 LEAST_CLEARANCE = 12.0
 _LEAST_ECCENTRICITY = 0.3
 # Steps of Newton's method for the position in film and contact, to rounding; and for its start.
-_STEPS, _STARTING = 8, 4
+_STEPS = 8
+_STARTING = 4
 
 
 def mean_excess(u: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
     """F_3 and F_4 of Greenwood and Tripp [-], closed: F_{n+1} = n F_{n-1} - u F_n."""
-    tail, density = 0.5 * erfc(u / np.sqrt(2)), jnp.exp(-0.5 * u * u) / np.sqrt(2 * np.pi)
+    tail = 0.5 * erfc(u / np.sqrt(2))
+    density = jnp.exp(-0.5 * u * u) / np.sqrt(2 * np.pi)
     first = density - u * tail
     second = tail - u * first
     third = 2 * first - u * second
@@ -128,9 +130,11 @@ class RingContact(eqx.Module):
         # By `where` and not by `maximum`, for the reason that stands in `MixedFilm.load_gain`.
         bend = self.ratio * jnp.where(eps > _LEAST_ECCENTRICITY, eps, _LEAST_ECCENTRICITY)
         size = self.unit * jnp.sqrt(2 / bend)
-        line, further = 5 * np.pi / 16 * third, 5 * np.pi / 128 * fourth / bend
+        line = 5 * np.pi / 16 * third
+        further = 5 * np.pi / 128 * fourth / bend
         # Next to leading order d theta has the factor 1 + s^2/(4 a), and cos(theta) is 1 - s^2/a.
-        along, normal = size * (line - 0.75 * further), size * (line + 0.25 * further)
+        along = size * (line - 0.75 * further)
+        normal = size * (line + 0.25 * further)
         return jnp.where(touches, along, 0.0), jnp.where(touches, normal, 0.0)
 
     def push(self, position: Pair) -> Pair:
@@ -171,7 +175,8 @@ class MixedFilm(AbstractSolvedFilm):
 
     def _chords(self, film_ratio):
         """[-] Load along and across the line of centres, over the film ratio."""
-        gain, phi = self.film.load_gain(film_ratio), self.film.attitude_angle(film_ratio)
+        gain = self.film.load_gain(film_ratio)
+        phi = self.film.attitude_angle(film_ratio)
         along = self.contact_number(film_ratio)
         # no contact without eccentricity
         along = along / jnp.where(along > 0, film_ratio, 1.0)
@@ -219,14 +224,16 @@ class _MixedCompliance(AbstractRoot):
 
     @eqx.filter_jit
     def solve(self):
-        mixed, number = self.film, self.load_number
+        mixed = self.film
+        number = self.load_number
         alone = mixed.film.log_compliance(number)
         x = number * jnp.exp(alone)
         touches = mixed.contact_number(x) > 0
         # Film and contact grow as the journal comes nearer, both convex: from a thickness that is too
         # small Newton's method comes to that of both without leaving it behind. Each of the two by itself
         # would let the journal come nearer.
-        ratio, unit = mixed.contact.ratio, mixed.contact.unit
+        ratio = mixed.contact.ratio
+        unit = mixed.contact.unit
         wanted = number * mixed.pace / (unit * jnp.sqrt(2 / ratio) * 5 * np.pi / 16)
         gap = jnp.full_like(x, 1.0)
         for _ in range(_STARTING):

@@ -83,7 +83,8 @@ class AbstractSolvedFilm(AbstractCarryingFilm):
 
     def film_chords(self, film_ratio: Scalar) -> tuple[Scalar, Scalar]:
         """[-] -F_r and F_t of the film over eps."""
-        phi, size = self.attitude_angle(film_ratio), (1 + film_ratio) * self.load_gain(film_ratio)
+        phi = self.attitude_angle(film_ratio)
+        size = (1 + film_ratio) * self.load_gain(film_ratio)
         return size * jnp.cos(phi), size * jnp.sin(phi)
 
     def rubbing(self, film_ratio: Scalar) -> Scalar | None:
@@ -206,10 +207,9 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
     phi = film.attitude_angle(x)
     # Phi_p/eps, as x = eps (1 + x).
     load_per_eps = (1 + x) * film.load_gain(x)
-    chord_r, chord_t = (
-        load_per_eps * jnp.cos(phi),
-        load_per_eps * jnp.sin(phi),
-    )  # -F_r, F_t over eps
+    # -F_r, F_t over eps
+    chord_r = load_per_eps * jnp.cos(phi)
+    chord_t = load_per_eps * jnp.sin(phi)
     # The whole force, a contact's too, turns with the line of centres (K_rt, K_tt); only the oil's
     # goes with the speed (C_rt, C_tt).
     own_r, own_t = film.film_chords(x)
@@ -324,7 +324,8 @@ def convert_load_number(value: Scalar, source: str, target: str, length_ratio: S
 
 
 def _forces(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
-    load, phi = x * film.load_gain(x), film.attitude_angle(x)
+    load = x * film.load_gain(x)
+    phi = film.attitude_angle(x)
     return -load * jnp.cos(phi), load * jnp.sin(phi)
 
 
@@ -363,7 +364,8 @@ class _LogCompliance(AbstractRoot):
 
     @eqx.filter_jit
     def solve(self):
-        film, load_number = self.film, self.load_number
+        film = self.film
+        load_number = self.load_number
         light = film.load_gain(jnp.zeros_like(load_number))
         # Start: Phi_p ~ light x + q^2 x^2/2 (short bearing), or Phi_p ~ 1.2 x (thin zone), whichever
         # gives the thinner film: the sum of both x is at most twice the larger. The slope

@@ -75,8 +75,10 @@ def film_grid(
     faces_g = start + dg * (np.arange(n_theta) + 0.5)
     faces_t = dt * (np.arange(n_zeta) + 0.5)
 
-    theta, between = angle(gamma), angle(faces_g)
-    h, h_face = 1 + eps * np.cos(theta), 1 + eps * np.cos(between)
+    theta = angle(gamma)
+    between = angle(faces_g)
+    h = 1 + eps * np.cos(theta)
+    h_face = 1 + eps * np.cos(between)
     width_z = place_slope(t) * half * dt
     return Grid(
         theta=theta,
@@ -93,7 +95,8 @@ def film_grid(
 
 def solve_pressure(grid: Grid, film: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Swift-Stieber pressure over eps, and where the film is, starting from the guess `film`."""
-    source, diagonal = _wedge(grid), _diagonal(grid)
+    source = _wedge(grid)
+    diagonal = _diagonal(grid)
     for _ in range(300):
         p = _within(grid, film, diagonal, source[..., None])[..., 0]
         # A node leaves the film where its pressure is negative, and joins it where more oil comes
@@ -113,7 +116,8 @@ def solve_ring(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
 
     n, m = grid.shape
     number = np.arange(n * m).reshape(n, m)
-    onward, outward = np.roll(number, -1, axis=0), number[:, 1:]
+    onward = np.roll(number, -1, axis=0)
+    outward = number[:, 1:]
     rows = [number, onward, number[:, :-1], outward]
     columns = [onward, number, outward, number[:, :-1]]
     links = [-grid.coupling_theta] * 2 + [-grid.coupling_zeta[:, :-1]] * 2
@@ -155,7 +159,8 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     if grid.starts_freely:
         grid, p, film = _reversed(grid), p[::-1], film[::-1]
     n, m = grid.shape
-    along, across = grid.coupling_theta, grid.coupling_zeta
+    along = grid.coupling_theta
+    across = grid.coupling_zeta
     gap = film_end(grid, p, film) - np.arange(1.0, n + 1)[:, None]  # in spacings in theta
     inside = gap > 1e-9
     short = 1e-6  # a node so near to the edge has no pressure
@@ -212,7 +217,8 @@ def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarr
     """Pressures (n, m, k) for k sources on the nodes of a film, whose links with each other are whole."""
     from scipy.linalg import solveh_banded
 
-    found, m = np.zeros(source.shape), grid.shape[1]
+    found = np.zeros(source.shape)
+    m = grid.shape[1]
     if not film.any():
         return found
     rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1

@@ -32,7 +32,8 @@ def steady_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Array
     p = _tridiagonal(n, (lam / q) ** 2, eps, -12 / root * n * _harmonics(eps, terms))
     # Integral of sin(n theta) cos(theta) over 0 < theta < pi; its fellow with sin(theta) is pi/2
     # for n = 1 and zero for the others.
-    radial, tangential = p @ (n * _half_wave(n)), p[:, 0] * jnp.pi / 2
+    radial = p @ (n * _half_wave(n))
+    tangential = p[:, 0] * jnp.pi / 2
     short = [-2 * eps / root**4, jnp.pi / 2 / root**3]
     return _summed(lam, q, [radial, tangential], short)
 
@@ -48,7 +49,8 @@ def velocity_series(eps: Scalar, q: Scalar, modes: int, terms: int) -> Float[Arr
     right = jnp.concatenate([-12 * eps[None] / root**3, waves])
     p = _tridiagonal(n, (lam / q) ** 2, eps, right)
     # Only cos(theta) itself has an integral with cos(theta) over 0 < theta < pi, pi/2.
-    radial, cross = -p[:, 1] * jnp.pi / 2, p @ _half_wave(n)
+    radial = -p[:, 1] * jnp.pi / 2
+    cross = p @ _half_wave(n)
     short = [jnp.pi * (1 + 2 * eps**2) / root**5, -4 * eps / root**4]
     return _summed(lam, q, [radial, cross], short)
 
@@ -105,7 +107,8 @@ def _tridiagonal(
     # behind `jax.lax.linalg.tridiagonal_solve` was faster, but has hung in batches under jax 0.10.)
     def reduce(system, step):
         below, diagonal, above, right = system
-        lesser, greater = _shifted(system, step), _shifted(system, -step)
+        lesser = _shifted(system, step)
+        greater = _shifted(system, -step)
         # 1 in the place of the zero that is shifted in where a row has no such neighbour.
         low = below / jnp.where(n < n[0] + step, 1.0, lesser[1])
         high = above / jnp.where(n > n[-1] - step, 1.0, greater[1])

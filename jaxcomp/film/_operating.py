@@ -204,9 +204,11 @@ def operating_point(
     """
     # A steady speed above zero needs no smoothing through rest.
     still = {"rest_speed": 0.0}
-    load, speed = jnp.asarray(load, float), jnp.asarray(speed, float)
+    load = jnp.asarray(load, float)
+    speed = jnp.asarray(speed, float)
     part = prepare(bearing)
-    film, gap = film_at(part, speed, 0.0), part.bearing.radial_clearance
+    film = film_at(part, speed, 0.0)
+    gap = part.bearing.radial_clearance
     number = load_number(part, load, speed, **still)
     known: dict[str, Any] = {}
     if isinstance(film, AbstractCarryingFilm):
@@ -268,9 +270,12 @@ def pressure_field(
     solved = reference_solution(eps, float(bearing.length_ratio), coefficients=False, grids=_GRIDS,
                                 **options.get(bearing.model, {}))  # fmt: skip
     growth = (solved_at / thickness) ** 1.5
-    pressure, peak, flow = solved.pressure * growth, solved.peak_pressure * growth, solved.side_flow
+    pressure = solved.pressure * growth
+    peak = solved.peak_pressure * growth
+    flow = solved.side_flow
     if bearing.model is Ocvirk:
-        film, e = Ocvirk(float(bearing.length_ratio)), float(point.eccentricity_ratio)
+        film = Ocvirk(float(bearing.length_ratio))
+        e = float(point.eccentricity_ratio)
         x = e / thickness
         # the largest pressure lies where (1 + eps cos) cos = -3 eps sin^2
         top = np.arccos(np.clip((1 - np.sqrt(1 + 24 * e**2)) / (4 * e) if e else 0.0, -1, 1))

@@ -61,7 +61,8 @@ class PlacedJournal(AbstractJournal):
         e, c = self.position, self.bearing.radial_clearance
         turning = e[1] * force[0] - e[0] * force[1]  # e x F of the load on the journal
         # The sign of -M_b: what resists the bush drives it along the rate of the journal in it.
-        smooth, contact = shear_drag(self.bearing, e) * rate + 0.5 * c * turning, self._contact()
+        smooth = shear_drag(self.bearing, e) * rate + 0.5 * c * turning
+        contact = self._contact()
         return smooth if contact is None else smooth + contact.torque(e, rate)
 
     def _contact(self):
@@ -71,8 +72,10 @@ class PlacedJournal(AbstractJournal):
         self, force: Pair, rate: Float[Array, "*n"]
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
         """[W] Shear with rubbing, and squeeze, at the same arguments."""
-        unit, load = film_unit(self.bearing), jnp.stack([-force[0], -force[1]])
-        shear, contact = shear_drag(self.bearing, self.position) * rate**2, self._contact()
+        unit = film_unit(self.bearing)
+        load = jnp.stack([-force[0], -force[1]])
+        shear = shear_drag(self.bearing, self.position) * rate**2
+        contact = self._contact()
         if contact is not None:
             load = load - contact.push(self.position)
             shear = shear + contact.torque(self.position, rate) * rate

@@ -145,7 +145,8 @@ def pads(phi: float | None, groove: float = SOMEYA_GROOVE) -> tuple:
     """The plain ring, or the pads between two grooves at right angles to the load."""
     if phi is None:
         return (RING,)
-    middle, half = math.pi - phi, (math.pi - groove) / 2
+    middle = math.pi - phi
+    half = (math.pi - groove) / 2
     loaded = (middle - half, middle + half, 2 / 3)
     return loaded, (middle + math.pi - half, middle + math.pi + half, 1 / 3)
 
@@ -160,18 +161,21 @@ def groove_attitude(eps: float, q: float, grids) -> float:
     # secant; the angle of the force hardly depends on where the grooves are
     ahead = 1.4 * math.sqrt(1 - eps)
     behind = ahead + excess(ahead)
-    last, now = excess(ahead), excess(behind)
+    last = excess(ahead)
+    now = excess(behind)
     for _ in range(20):
         if abs(now) < 1e-9 or now == last:
             break
         ahead, behind = behind, behind - now * (behind - ahead) / (now - last)
-        last, now = now, excess(behind)
+        last = now
+        now = excess(behind)
     return behind
 
 
 def _fields(eps, q, ring, grids, linear) -> list:
     """On every grid the pads, each with its grid, the pressure over eps and the film."""
-    films, out = None, []
+    films = None
+    out = []
     if linear:
         for cells in grids:
             grid = film_grid(eps, q, *cells, closed=True)
@@ -244,7 +248,9 @@ def _linear_coefficients(eps, q, grids) -> tuple[np.ndarray, np.ndarray]:
     places = max(eps, 3 * step) + step * np.arange(-3.0, 4.0)
     chords = np.array([_steady(e, q, None, grids, True) for e in places])
     sextic = np.polynomial.polynomial.polyfit((places - eps) / step, chords, 6)
-    chord, slope = sextic[0], sextic[0] + eps * sextic[1] / step  # F/eps and dF/deps
+    # F/eps and dF/deps
+    chord = sextic[0]
+    slope = sextic[0] + eps * sextic[1] / step
     fields = _fields(eps, q, pads(None), grids, True)[-2:]
     c_rr, c_tr = _extrapolated(np.array([_linear_damping(f) for f in fields]))
     stiffness = np.array([[-slope[0], chord[1]], [-slope[1], -chord[0]]])
@@ -253,7 +259,8 @@ def _linear_coefficients(eps, q, grids) -> tuple[np.ndarray, np.ndarray]:
 
 def _field_with_edges(eps, ring, field) -> dict:
     """Nodes and pressure with the edges of the pads and the end of the bearing, where p = 0."""
-    theta, pressure = [], []
+    theta = []
+    pressure = []
     for (first, last, _), (grid, p, _) in zip(ring, field, strict=True):
         at_edge = grid.theta[0] - first < 1e-9  # a closed ring
         theta += [[] if at_edge else [first], grid.theta, [last]]

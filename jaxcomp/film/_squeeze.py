@@ -101,7 +101,8 @@ class OcvirkSqueeze(AbstractSqueeze):
             # Sommerfeld's angle. theta counts from e, the thinnest film, up to 3 pi/2 either way:
             # arctan2 has no jump there.
             y = 2 * jnp.arctan2(wide * jnp.sin(theta / 2), thin * jnp.cos(theta / 2))
-            sin, cos = jnp.sin(y), jnp.cos(y)
+            sin = jnp.sin(y)
+            cos = jnp.cos(y)
             return jnp.stack([
                 # Integrals of cos^2, sin cos and sin^2 over h^3.
                 ((eps**2 + 0.5) * y + (2 * eps + 0.5 * cos) * sin) / (square**2 * root),
@@ -112,7 +113,8 @@ class OcvirkSqueeze(AbstractSqueeze):
         # 2 q^2 is half of 6 q^2 times the mean of 1 - zeta^2, over the half circle where V n > 0.
         cc, sc, ss = 2 * self.length_ratio**2 * (at(beta + jnp.pi / 2) - at(beta - jnp.pi / 2))
         across = quarter_turn(along)
-        radial, tangential = cc * along + sc * across, sc * along + ss * across
+        radial = cc * along + sc * across
+        tangential = sc * along + ss * across
         columns = tuple(along[i] * radial + across[i] * tangential for i in range(2))
         return columns[0] * velocity[0] + columns[1] * velocity[1], columns
 
@@ -133,7 +135,8 @@ class OcvirkSqueeze(AbstractSqueeze):
         radial, tangential = dot(along, velocity), cross(along, velocity)
 
         def pressure(y, radial, tangential, eps):
-            cos, sin = jnp.cos(y), jnp.sqrt((1 - eps) * (1 + eps)) * jnp.sin(y)
+            cos = jnp.cos(y)
+            sin = jnp.sqrt((1 - eps) * (1 + eps)) * jnp.sin(y)
             return (radial * (cos + eps) + tangential * sin) * (1 + eps * cos) ** 2
 
         known = lax.stop_gradient((radial, tangential, eps))
@@ -161,7 +164,8 @@ class _Impedance(eqx.Module):
 
 def slopes_along(function, value):
     """Slopes of a map of plane vectors along x and y, with its value."""
-    one, none = jnp.ones_like(value[0]), jnp.zeros_like(value[0])
+    one = jnp.ones_like(value[0])
+    none = jnp.zeros_like(value[0])
     image, linear = jax.linearize(function, value)
     return image, (linear(jnp.stack([one, none])), linear(jnp.stack([none, one])))
 

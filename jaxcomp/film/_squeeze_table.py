@@ -59,7 +59,9 @@ class ReynoldsSqueeze(AbstractSqueeze):
 
     def __init__(self, length_ratio):
         q = as_float(length_ratio)
-        table, self.length_ratio, self.series = _table(), q, {}
+        table = _table()
+        self.length_ratio = q
+        self.series = {}
         for name in ("mobility", "peak", "flow"):
             rows = table[name].reshape(-1, table[name].shape[-1])
             series = collapsed(rows, table["ln_q_range"], jnp.log(q))
@@ -97,7 +99,8 @@ class ReynoldsSqueeze(AbstractSqueeze):
             x eps^2 as well.
         """
         size, along = split(force)
-        x, square = dot(position, along), dot(position, position)
+        x = dot(position, along)
+        square = dot(position, position)
         held, held_square, within = _held(x, square)
         u, v = film_corner(held, held_square)
         p, p_u, p_v, *second = _horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, order)
@@ -194,10 +197,8 @@ def _mobility_and_slopes(film, position, force):
     # dV/dF = (h f + h_x/2 t) f + (h_x/2 y f + (h - h_x/2 x + h_xx/2 y^2) g) g with g = J f, y = e.g
     g = quarter_turn(f)
     y = dot(position, g)
-    along, across = (
-        h * f + 0.5 * h_x * t,
-        0.5 * h_x * y * f + (h - 0.5 * h_x * x + 0.5 * h_xx * y**2) * g,
-    )
+    along = h * f + 0.5 * h_x * t
+    across = 0.5 * h_x * y * f + (h - 0.5 * h_x * x + 0.5 * h_xx * y**2) * g
     by_force = tuple(along * f[i] + across * g[i] for i in range(2))
     return value, by_position, by_force
 
@@ -228,15 +229,20 @@ def _horner(
     """
     columns = [series[:, j].reshape(-1, *[1] * u.ndim) for j in range(series.shape[1])]
     p = columns[-1] + 0 * v
-    p_v, p_vv = 0 * p, 0 * p
+    p_v = 0 * p
+    p_vv = 0 * p
     for column in columns[-2::-1]:
         if order > 1:
             p_vv = p_vv * v + p_v
         if order:
             p_v = p_v * v + p
         p = p * v + column
-    f, f_v, f_vv = p[-1], p_v[-1], p_vv[-1]
-    f_u, f_uu, f_uv = 0 * f, 0 * f, 0 * f
+    f = p[-1]
+    f_v = p_v[-1]
+    f_vv = p_vv[-1]
+    f_u = 0 * f
+    f_uu = 0 * f
+    f_uv = 0 * f
     for i in range(series.shape[0] - 2, -1, -1):
         if order > 1:
             f_uu = f_uu * u + f_u

@@ -52,7 +52,8 @@ class StribeckCurve(Result, eqx.Module):
     @property
     def least_friction_speed(self) -> Float[Array, ""]:
         """[rad/s] Where the torque is least: of the parabola through the lowest points in ln speed."""
-        x, torque = np.log(np.asarray(self.speed)), np.asarray(self.friction_torque)
+        x = np.log(np.asarray(self.speed))
+        torque = np.asarray(self.friction_torque)
         if x.size < 3:
             return self.speed[np.argmin(torque)]
         place = int(np.clip(np.argmin(torque), 1, x.size - 2))
@@ -85,13 +86,17 @@ class StribeckCurve(Result, eqx.Module):
 @eqx.filter_jit
 def _points(bearing, load, speed):
     """Whole friction, that of the contact [N m], thickness [m] and load of the contact [N]."""
-    film, number = film_at(bearing, speed), load_number(bearing, load, speed)
+    film = film_at(bearing, speed)
+    number = load_number(bearing, load, speed)
     part = prepare(bearing).bearing
     unit = film_unit(part) * speed * part.radius * part.clearance_ratio
-    x, none = film_ratio(film, number), 0 * speed
-    rubs, push = none, none
+    x = film_ratio(film, number)
+    none = 0 * speed
+    rubs = none
+    push = none
     if isinstance(film, MixedFilm):
-        rubs, push = unit * film.rubbing(x), film.contact.forces(x / (1 + x))[0]
+        rubs = unit * film.rubbing(x)
+        push = film.contact.forces(x / (1 + x))[0]
         film, number = film.film, film.own_number(x, number)
     smooth = unit * film.friction_number(number)
     return smooth + rubs, rubs, part.radial_clearance / (1 + x), push
@@ -112,7 +117,8 @@ def stribeck_curve(
     Raises:
         BadInput: a load or speeds that are not, or a film without a position.
     """
-    load, speed = single_number("load", load), jnp.asarray(speed, float)
+    load = single_number("load", load)
+    speed = jnp.asarray(speed, float)
     if not load > 0:
         raise BadInput("load", float(load), "> 0 N")
     if speed.ndim != 1 or not speed.size or not speed[0] > 0 or not jnp.all(jnp.diff(speed) > 0):

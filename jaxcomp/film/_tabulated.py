@@ -145,8 +145,10 @@ class SeriesToLimit(eqx.Module):
         limit_slope: float | None = None,
     ):
         order = np.arange(coefficients.shape[0])
-        self.coefficients, self.place = coefficients, place
-        self.limit, self.limit_slope = limit, limit_slope
+        self.coefficients = coefficients
+        self.place = place
+        self.limit = limit
+        self.limit_slope = limit_slope
         # With T_k(-1) = (-1)^k and T_k'(-1) = (-1)^(k+1) k^2.
         self.edge_value = coefficients @ (-1.0) ** order
         self.edge_slope = coefficients @ ((-1.0) ** (order + 1) * order**2) * place.edge_slope()
@@ -164,10 +166,12 @@ class SeriesToLimit(eqx.Module):
 
 def continuation(s, edge, value, slope, limit, limit_slope=None):
     """Polynomial with `value` and `slope` at `edge`, `limit` (and `limit_slope`) at zero."""
-    rise, t = value - limit, s / edge
+    rise = value - limit
+    t = s / edge
     if limit_slope is None:
         return limit + t * (2 * rise - edge * slope + t * (edge * slope - rise))
-    start, end = edge * limit_slope, edge * slope
+    start = edge * limit_slope
+    end = edge * slope
     return limit + t * (start + t * (3 * rise - 2 * start - end + t * (start + end - 2 * rise)))
 
 

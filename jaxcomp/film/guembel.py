@@ -46,7 +46,8 @@ class Guembel(AbstractSolvedFilm):
 
     def __init__(self, length_ratio, modes: int = 6, terms: int = 64):
         self.length_ratio = as_float(length_ratio)
-        self.modes, self.terms = modes, terms
+        self.modes = modes
+        self.terms = terms
         edge = jnp.asarray(EDGE, self.length_ratio.dtype)
         # Value and slope where the continuation takes over.
         self.steady_edge = jax.jvp(self._steady, (edge,), (jnp.ones_like(edge),))
@@ -71,7 +72,8 @@ class Guembel(AbstractSolvedFilm):
     def _continued(self, film_ratio, inside, at_edge, index, limit, limit_slope=None) -> Scalar:
         s = 1 / jnp.sqrt(1 + film_ratio)
         beyond = s < EDGE
-        value, slope = at_edge[0][index], at_edge[1][index]
+        value = at_edge[0][index]
+        slope = at_edge[1][index]
         outer = continuation(s, EDGE, value, slope, limit, limit_slope)
         # Double where: beyond its edge the series has too few terms, and its slopes may be anything.
         return jnp.where(beyond, outer, inside(jnp.where(beyond, EDGE, s))[index])

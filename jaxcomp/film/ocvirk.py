@@ -41,7 +41,8 @@ class Ocvirk(AbstractSolvedFilm):
 
     def damping(self, film_ratio):
         x, q = film_ratio, self.length_ratio
-        eps, s = x / (1 + x), (1 + 2 * x) / (1 + x) ** 2
+        eps = x / (1 + x)
+        s = (1 + 2 * x) / (1 + x) ** 2
         # The second is C_tr = C_rt = 2 F_r/eps.
         return jnp.pi * q**2 * (1 + 2 * eps**2) / s**2.5, -4 * q**2 * eps / s**2
 

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -70,12 +70,13 @@ class Blend(NamedTuple):
 @cache
 def blends() -> dict[str, Blend]:
     """Blends of ASHRAE 34 by name, also those that cannot be computed."""
-    return {
-        name: Blend(
-            name, {key: value / 100 for key, value in row["mass_percent"].items()}, row["class"]
-        )
-        for name, row in mixture_file("blends").items()
-    }
+    return {name: _blend(name, row) for name, row in mixture_file("blends").items()}
+
+
+def _blend(name: str, row: Mapping[str, Any]) -> Blend:
+    """A blend from its row in the file."""
+    fractions = {component: share / 100 for component, share in row["mass_percent"].items()}
+    return Blend(name, fractions, row["class"])
 
 
 def without_equation(one: Blend) -> list[str]:

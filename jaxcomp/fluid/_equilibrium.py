@@ -67,7 +67,8 @@ class PhaseModel:
         """[K], [m^3/mol] (b,) reducing values at mole fractions (b, n), and their gradients (b, n)."""
         model = self.model
         i, j = model.pairs
-        first, second = x[:, i], x[:, j]
+        first = x[:, i]
+        second = x[:, j]
         total = first + second
 
         def mixed(pure, shape, mean):
@@ -118,8 +119,10 @@ class PhaseModel:
 
     def _sums(self, tau, delta):
         """Energy and its slopes along ln(delta) and ln(tau) by group, (b, groups) each."""
-        tau, delta = tau[:, None], delta[:, None]
-        log_tau, log_delta = np.log(tau), np.log(delta)
+        tau = tau[:, None]
+        delta = delta[:, None]
+        log_tau = np.log(tau)
+        log_delta = np.log(delta)
         rows = [
             _RULES[family](table.T, tau, delta, log_tau, log_delta)
             for family, table in self.model.residual.items()
@@ -147,14 +150,16 @@ def _exponential(columns, tau, delta, log_tau, log_delta):
 
 def _gaussian(columns, tau, delta, log_tau, log_delta):
     n, t, d, eta, epsilon, beta, gamma = columns
-    off, far = delta - epsilon, tau - gamma
+    off = delta - epsilon
+    far = tau - gamma
     x = n * np.exp(t * log_tau + d * log_delta - eta * off**2 - beta * far**2)
     return x, x * (d - 2 * eta * delta * off), x * (t - 2 * beta * tau * far)
 
 
 def _gao(columns, tau, delta, log_tau, log_delta):
     n, t, d, eta, epsilon, beta, gamma, b = columns
-    off, far = delta - epsilon, tau - gamma
+    off = delta - epsilon
+    far = tau - gamma
     base = b + beta * far**2
     x = n * np.exp(t * log_tau + d * log_delta + eta * off**2 + 1 / base)
     return x, x * (d + 2 * eta * delta * off), x * (t - 2 * beta * tau * far / base**2)
@@ -258,7 +263,8 @@ def wilson_pressures(components, T: float) -> NDArray:
     pressures = []
     for name in components:
         curve = fluid_data(name)["dew_pressure"]
-        critical, reducing = curve["T_r"], curve["reducing_value"]
+        critical = curve["T_r"]
+        reducing = curve["reducing_value"]
         acentric = -1 - np.log10(ancillary_pressure(curve, 0.7 * critical) / reducing)
         pressures.append(reducing * np.exp(5.373 * (1 + acentric) * (1 - critical / T)))
     return np.array(pressures)
@@ -313,7 +319,9 @@ def march(model: PhaseModel, components, z, least: float, dew: bool) -> Line | N
     line, good = first_point(model, components, least, z, dew)
     if not good[0]:
         return None
-    points, T, step = [line.unknowns[0]], [least], _MARCH
+    points = [line.unknowns[0]]
+    T = [least]
+    step = _MARCH
     while step > 0.5:
         after = T[-1] + step
         start = points[-1]
@@ -352,7 +360,8 @@ def line_slopes(model: PhaseModel, mass_fractions, line: Line) -> NDArray:
         (n + 1, 2, b) the values, and their derivatives to each mass fraction, which are normalised.
     """
     T, unknowns = line
-    count, mass = T.size, model.model.molar_mass
+    count = T.size
+    mass = model.model.molar_mass
 
     def mole_fractions(w):
         return np.tile(np.maximum(model.model.mole_fractions(w), _FEW), (count, 1))

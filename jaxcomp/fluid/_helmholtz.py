@@ -146,11 +146,13 @@ def ideal_terms(ideal: Mapping[str, Any], tau, delta):
     (a1, a2), c = ideal["lead"], ideal["log"]
     log = jnp.log(tau)
     value = jnp.log(delta) + a1 + a2 * tau + c * log
-    first, second = a2 * tau + c, -c
+    first = a2 * tau + c
+    second = -c
     if ideal["power"].size:
         n, t = _columns(ideal["power"], tau)
         x = n * jnp.exp(t * log)
-        value, first = value + jnp.sum(x, 0), first + jnp.sum(t * x, 0)
+        value = value + jnp.sum(x, 0)
+        first = first + jnp.sum(t * x, 0)
         second = second + jnp.sum(t * (t - 1) * x, 0)
     if ideal["planck"].size:
         n, c, d, theta = _columns(ideal["planck"], tau)
@@ -164,7 +166,8 @@ def ideal_terms(ideal: Mapping[str, Any], tau, delta):
 
 def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
     """ar, d ar_d, d^2 ar_dd, t ar_t, t^2 ar_tt, d t ar_dt, with d and t for delta and tau."""
-    log_tau, log_delta = jnp.log(tau), jnp.log(delta)
+    log_tau = jnp.log(tau)
+    log_delta = jnp.log(delta)
     total = []
     for family, rows_of_family in residual.items():
         columns = _columns(rows_of_family, tau)
@@ -192,7 +195,8 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
             more = -x
         else:
             eta, epsilon, beta, gamma = columns[3:7]
-            off, far = delta - epsilon, tau - gamma
+            off = delta - epsilon
+            far = tau - gamma
             if family == "gao":
                 # the published eta is negative here and stands without a minus sign
                 base = columns[7] + beta * far**2

@@ -25,11 +25,12 @@ from .._core.errors import BadInput
 from ._helmholtz import Weighted, arrays, fluid_data
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)] exact since 2019
-REFERENCE, GERG = "reference equations", "GERG-2008"
+REFERENCE = "reference equations"
+GERG = "GERG-2008"
 
 
 class Weights(NamedTuple):
-    """What the rows of a family of terms are multiplied by: x_i, or F x_i x_j.
+    """Factors of the rows of a family of terms: x_i, or F x_i x_j.
 
     Attributes:
         first: (rows,) index i.
@@ -107,7 +108,8 @@ class MultiFluid(NamedTuple):
     def reducing(self, x):
         """Reducing temperature [K] and volume [m^3/mol] at mole fractions (n,)."""
         tools = np if isinstance(x, np.ndarray) else jnp
-        first, second = x[self.pairs[0]], x[self.pairs[1]]
+        first = x[self.pairs[0]]
+        second = x[self.pairs[1]]
         total = first + second
         # a pair of which neither is there: zero over zero, with a derivative that is none either
         absent = total == 0
@@ -149,7 +151,7 @@ def mixture_file(name: str) -> dict:
 
 
 class Pair(NamedTuple):
-    """How two components mix, with the names in the order that the parameters have.
+    """Parameters by which two components mix, with the names in the order that the parameters have.
 
     Attributes:
         names: of the components.
@@ -180,9 +182,12 @@ def pair_of(first: str, second: str, model: str = REFERENCE) -> Pair:
         if row is None:
             continue
         if model == GERG:
-            numbers, function = row[:5], row[5]
+            numbers = row[:5]
+            function = row[5]
             fitted = numbers[0] != 1 or numbers[2] != 1
-            quality = "departure" if function else "fit" if fitted else "estimated"
+            quality = "fit" if fitted else "estimated"
+            if function:
+                quality = "departure"
             return Pair(names, quality, "Kunz-JCED-2012", *numbers, function)
         means = _means(names)
         return Pair(
@@ -283,10 +288,8 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
     v_r = np.array([part.v_r for part in parts])
     residual, weights = _residual_table(parts, pairs, place, model)
     ideal, ideal_of = _ideal_table(parts)
-    lead, log = (
-        np.array([part.ideal["lead"] for part in parts]),
-        np.array([part.ideal["log"] for part in parts]),
-    )
+    lead = np.array([part.ideal["lead"] for part in parts])
+    log = np.array([part.ideal["log"] for part in parts])
     # of each component's own variables T_i/T and rho v_i on 1/T and rho
     constant = lead[:, 0] + np.log(v_r) + log * np.log(T_r)
     limits, limited_by = _limits(components, model)
@@ -343,7 +346,8 @@ def _residual_table(parts, pairs: Sequence[Pair], place, model: str):
 
 def _ideal_table(parts: Sequence[Component]):
     """Rows of the ideal parts in 1/T by family, and the component of each."""
-    power, planck = [], []
+    power = []
+    planck = []
     for index, part in enumerate(parts):
         power += [(n * part.T_r**t, t, index) for n, t in np.reshape(part.ideal["power"], (-1, 2))]
         planck += [

@@ -73,10 +73,13 @@ def curve(coefficients, ends, T, tools=jnp):
     """
     T = tools.clip(T, ends[0], ends[2])
     upper = ends[1] < T
-    low, high = tools.where(upper, ends[1], ends[0]), tools.where(upper, ends[2], ends[1])
+    low = tools.where(upper, ends[1], ends[0])
+    high = tools.where(upper, ends[2], ends[1])
     width = 1 / high - 1 / low
-    s, rate = 2 * (1 / T - 1 / low) / width - 1, -2 / (width * T**2)
-    terms, slopes = [tools.ones_like(s), s], [tools.zeros_like(s), tools.ones_like(s)]
+    s = 2 * (1 / T - 1 / low) / width - 1
+    rate = -2 / (width * T**2)
+    terms = [tools.ones_like(s), s]
+    slopes = [tools.zeros_like(s), tools.ones_like(s)]
     for _ in range(coefficients.shape[-1] - 2):
         # of the Chebyshev polynomials and of their derivatives, whose cosines have none at the ends
         slopes.append(2 * terms[-1] + 2 * s * slopes[-1] - slopes[-2])

@@ -99,7 +99,8 @@ class Mixture(AbstractRealGas):
     ):
         if mass_fractions is None and mole_fractions is None:
             predefined = _blend_of(name)
-            mass_fractions, model = predefined.mass_fractions, model or REFERENCE
+            mass_fractions = predefined.mass_fractions
+            model = model or REFERENCE
         components, fractions, by_amount = _composition(mass_fractions, mole_fractions, components)
         model = model or (GERG if in_gerg(components) else REFERENCE)
         if model == GERG and not in_gerg(components):
@@ -109,7 +110,9 @@ class Mixture(AbstractRealGas):
             )
         checked_pairs(components, model, estimate_pairs, "name" if name else "components")
         table = multi_fluid(components, model)
-        self.components, self.model, self.estimate_pairs = components, model, estimate_pairs
+        self.components = components
+        self.model = model
+        self.estimate_pairs = estimate_pairs
         self.name = name or "/".join(components)
         fractions = table.mass_fractions(fractions) if by_amount else fractions / fractions.sum()
         self.mass_fractions = jnp.asarray(fractions)
@@ -141,7 +144,7 @@ class Mixture(AbstractRealGas):
 
     @property
     def pairs(self) -> list[Pair]:
-        """How the components mix, pair by pair, with the quality and source of the parameters."""
+        """Parameters by which the components mix, pair by pair, with their quality and source."""
         return pairs_of(self.components or (), self.model or REFERENCE)
 
     @property
@@ -169,9 +172,11 @@ class Mixture(AbstractRealGas):
 
     # ------------------------------------------------------------------- states
     def state(self, T, rho):
-        table, x = self.table, self._amounts
+        table = self.table
+        x = self._amounts
         mass = x @ table.molar_mass
-        R, density = table.gas_constant / mass, rho / mass
+        R = table.gas_constant / mass
+        density = rho / mass
         T_r, v_r = table.reducing(x)
         a0, a0_t, a0_tt = ideal_terms(table.ideal_at(x), 1 / T, density)
         # A paper's own gas constant multiplies all of the component's ideal part, and so ln(rho) too.
@@ -358,7 +363,8 @@ def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.nd
     key = "mass_fractions" if by_amount is None else "mole_fractions"
     fractions = by_mass if by_amount is None else by_amount
     if isinstance(fractions, Mapping):
-        components, fractions = list(fractions), list(fractions.values())
+        components = list(fractions)
+        fractions = list(fractions.values())
     if not components:
         raise BadInput("components", "absent", "given, or a table of fractions by component")
     names = tuple(component_name(one) for one in components)

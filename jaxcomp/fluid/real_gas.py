@@ -121,7 +121,9 @@ class RealGas(AbstractRealGas):
 
     def state(self, T, rho):
         data = self.data
-        R, tau, delta = data["gas_constant"], data["T_r"] / T, rho / data["rho_r"]
+        R = data["gas_constant"]
+        tau = data["T_r"] / T
+        delta = rho / data["rho_r"]
         a0, a0_t, a0_tt = ideal_terms(data["ideal"], tau, delta)
         ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual_terms(data["residual"], tau, delta)
         return GasState(
@@ -194,7 +196,8 @@ class RealGas(AbstractRealGas):
 
         def misfit(unknowns, given):
             T, liquid, vapour = jnp.exp(unknowns)
-            liquid, vapour = self.state(T, liquid), self.state(T, vapour)
+            liquid = self.state(T, liquid)
+            vapour = self.state(T, vapour)
             if data["pseudo_pure"]:
                 dew = ancillary(data["dew_pressure"], T)
                 bubble = ancillary(data["bubble_pressure"], T)

@@ -27,8 +27,10 @@ from .._core.roots import AbstractRoot, root
 from ..film import AsperityContact
 
 # [-] Thickness over roughness, up to which surfaces touch, and the least one.
-_APART, _LEAST = 8.0, 1e-3
-_HALVINGS, _STEPS = 14, 5
+_APART = 8.0
+_LEAST = 1e-3
+_HALVINGS = 14
+_STEPS = 5
 # [m/s] and below this speed no film is built: the friction passes through rest with a finite slope.
 _REST = 1e-6
 
@@ -63,7 +65,8 @@ def _excess(u):
     """F_{7/2}, zero for surfaces that are apart."""
     touches = u < _APART
     # Double where: beyond its range the polynomial, and with it the exponential, runs away.
-    x, log = jnp.where(touches, u, _APART) / 4 - 1, 0.0
+    x = jnp.where(touches, u, _APART) / 4 - 1
+    log = 0.0
     for coefficient in _excess_series()[::-1]:
         log = log * x + coefficient
     return jnp.where(touches, jnp.exp(log), 0.0)
@@ -83,7 +86,8 @@ class Pads(eqx.Module):
 
     def shares(self, thickness):
         """[N] Loads of film and contact at a smallest thickness [m]."""
-        k, sigma = self.taper / thickness, self.contact.roughness
+        k = self.taper / thickness
+        sigma = self.contact.roughness
         slender = 0.5 * jnp.pi * self.width / self.length
         sides = 1 - jnp.tanh(slender) / slender
         area = self.count * self.length * self.width

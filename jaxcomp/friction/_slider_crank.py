@@ -88,7 +88,8 @@ class SliderCrankLoop(AbstractJointLoop):
     def _pins(self, side, wall):
         """Forces of the pins, with their moments [N m] on the rod (`None` without a law)."""
         # Laws have the sign of the motion, the force on the piston the other one.
-        forces, rod = pin_forces(self.bodies, side, -wall), self.bodies.rod
+        forces = pin_forces(self.bodies, side, -wall)
+        rod = self.bodies.rod
         return (
             forces,
             # phi grows against the crank's rotation: in the rod the piston pin, which does not
@@ -147,7 +148,9 @@ class SliderCrankLoop(AbstractJointLoop):
         return rubbing or [forces.piston_pin]
 
     def _losses(self, forces, wall, piston_pin, crank_pin) -> dict[str, Float[Array, "*n"]]:
-        rod, friction, loss = self.bodies.rod, self.friction, {}
+        rod = self.bodies.rod
+        friction = self.friction
+        loss = {}
         if friction.wall is not None:
             dry = wall if self.film is None else wall - self.film
             loss["wall"] = dry * rod.position_1
@@ -167,7 +170,8 @@ class SliderCrankLoop(AbstractJointLoop):
         return loss
 
     def loads(self, unknown, evidence):
-        side, wall = unknown, self._wall(unknown)
+        side = unknown
+        wall = self._wall(unknown)
         forces, *moments = self._pins(side, wall)
         residual = margin = None
         if evidence:

@@ -166,7 +166,9 @@ class SliderLinkLoop(AbstractJointLoop):
 
     def _losses(self, touch, on_link, pin):
         """Loss torques [N m] by joint, and the moment of the crank pin."""
-        friction, motion, speed = self.friction, self.motion, self.state.speed
+        friction = self.friction
+        motion = self.motion
+        speed = self.state.speed
         moment = self._pin_moment(pin)
         loss = {}
         if friction.wall is not None:
@@ -212,7 +214,8 @@ class SliderLinkLoop(AbstractJointLoop):
 
     def _residual(self, touch, on_link, pin_moment):
         """Residual of Eqs. (8), (9) when the magnitudes are taken from the forces themselves."""
-        arms, bore = self.arms, self.mechanism.bore
+        arms = self.arms
+        bore = self.mechanism.bore
         thrust, moment, weight = self._piston_loads()
         pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
         left = jnp.stack([
@@ -240,11 +243,13 @@ def _slider_link_loop(
     motion = mechanism.kinematics(state.angle) if kinematics is None else kinematics
     arms = contact_arms(mechanism, state.angle)
     along, across = motion.crank_acceleration(state)
-    along, across = mechanism.crank_radius * along, mechanism.crank_radius * across
+    along = mechanism.crank_radius * along
+    across = mechanism.crank_radius * across
     if gravity is not None:
         # Weights enter as an acceleration the other way. Across the cylinder the piston has none,
         # so that its weight along y stands by itself as W.
-        along, across = along - gravity[0], across - gravity[1]
+        along = along - gravity[0]
+        across = across - gravity[1]
     slide_speed = motion.position_1 * state.speed
     film = jnp.zeros_like(state.speed)
     if friction.piston_film is not None:

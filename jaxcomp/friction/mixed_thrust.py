@@ -59,12 +59,14 @@ class MixedThrust(AbstractDrag):
 
     def parts(self, weight, rate) -> PadForces:
         """Drag of film and contact, and the thickness, under a weight [N] at a rate [rad/s]."""
-        radius, width = self.mean_radius, self.outer_radius - self.inner_radius
+        radius = self.mean_radius
+        width = self.outer_radius - self.inner_radius
         return Pads(
             float(self.pads), 2 * jnp.pi * radius / self.pads, width, self.taper,
             self.axial_clearance, self.dynamic_viscosity, self.contact, slow(rate * radius),
         ).forces(weight + 0 * rate)  # fmt: skip
 
     def moment(self, rate, weight):
-        parts, speed = self.parts(weight, rate), rate * self.mean_radius
+        parts = self.parts(weight, rate)
+        speed = rate * self.mean_radius
         return self.mean_radius * (parts.film + parts.contact) * speed / slow(speed)

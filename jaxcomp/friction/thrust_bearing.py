@@ -40,7 +40,8 @@ class ThrustBearing(AbstractDrag):
     @property
     def friction_radius(self) -> Float[Array, ""]:
         """[m] 2/3 (R^3 - r^3)/(R^2 - r^2), with the common factor R - r cancelled."""
-        outer, inner = self.outer_radius, self.inner_radius
+        outer = self.outer_radius
+        inner = self.inner_radius
         return 2 / 3 * (outer**2 + outer * inner + inner**2) / (outer + inner)
 
     def moment(self, rate, weight):

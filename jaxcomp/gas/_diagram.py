@@ -23,7 +23,8 @@ def curve(x, knots, values):
     """Cubics through the points with the slope of the parabola through three neighbours."""
     secant, inner = inner_slopes(knots, values)
     # At an end, the slope there of the parabola through the last three points.
-    first, last = 2 * secant[:1] - inner[:1], 2 * secant[-1:] - inner[-1:]
+    first = 2 * secant[:1] - inner[:1]
+    last = 2 * secant[-1:] - inner[-1:]
     return cubics(x, knots, values, jnp.concatenate([first, inner, last]))
 
 

@@ -69,7 +69,9 @@ class CrankAngleTable(AbstractDiagram):
 
     def pressure(self, stroke):
         turn = 2 * jnp.pi
-        angle, values, closed = self.angle, self.cylinder_pressure, self.closed
+        angle = self.angle
+        values = self.cylinder_pressure
+        closed = self.closed
         joined = jnp.where(closed, (values[0] + values[-1]) / 2, values[jnp.array([0, -1])])
         values = values.at[jnp.array([0, -1])].set(joined)
         # With two points of the turn before and after, the slopes at both ends are those of inner

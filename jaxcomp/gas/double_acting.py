@@ -52,7 +52,8 @@ class DoubleActing(AbstractGas):
         )
 
     def on_piston(self, stroke, area):
-        head, crank = self.pressure(stroke), self.crank_end_pressure(stroke)
+        head = self.pressure(stroke)
+        crank = self.crank_end_pressure(stroke)
         rod = jnp.pi / 4 * self.rod_diameter**2 / area
         return head, head - (1 - rod) * crank - rod * self.ambient_pressure
 

@@ -65,7 +65,8 @@ class PolytropicCycle(AbstractGas):
         return {"a cycle with discharge_pressure > suction_pressure": compresses}
 
     def repaired(self):
-        suction, discharge = self.suction_pressure, self.discharge_pressure
+        suction = self.suction_pressure
+        discharge = self.discharge_pressure
         return replaced(
             self, discharge_pressure=jnp.where(discharge > suction, discharge, 1.001 * suction)
         )
@@ -108,7 +109,8 @@ class PolytropicCycle(AbstractGas):
         )
 
     def valve_events(self, swept):
-        clearance, opening = self.clearance_ratio * swept, self._opening
+        clearance = self.clearance_ratio * swept
+        opening = self._opening
         largest = clearance + swept
         # Where nothing is delivered both are at the dead centres, which are ends of panels anyway.
         discharge = jnp.clip(largest / opening - clearance, 0.0, swept)

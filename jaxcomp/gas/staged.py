@@ -42,7 +42,8 @@ class _Interstage(AbstractRoot):
 
     def rest(self, unknowns):
         """Flow into a stage less that out of the one before, in units of the flow at suction."""
-        logs, place = self.logarithms(unknowns), jnp.asarray(self.stages) - 1
+        logs = self.logarithms(unknowns)
+        place = jnp.asarray(self.stages) - 1
         opening = jnp.exp((logs[place + 1] - logs[place]) / self.exponent)
         drawn = self.volume * (1 + self.clearance - self.clearance * opening)
         flow = jnp.zeros(max(self.stages)).at[place].add(drawn)
@@ -134,7 +135,8 @@ class StagedCycle(AbstractGas):
         Args:
             area, stroke: [m^2], [m] of the pistons, of every cylinder or of all.
         """
-        count, last = len(self.stages), max(self.stages)
+        count = len(self.stages)
+        last = max(self.stages)
         ends = 1.0
         if self.rod_diameter is not None:
             # The head end, and the crank end less the rod.
@@ -155,7 +157,8 @@ class StagedCycle(AbstractGas):
         Args:
             area, stroke: [m^2], [m] of the pistons, of every cylinder or of all.
         """
-        pressure, place = self.between(area, stroke), jnp.asarray(self.stages) - 1
+        pressure = self.between(area, stroke)
+        place = jnp.asarray(self.stages) - 1
         made = PolytropicCycle(1.0, 2.0, 1.0, 0.0, self.behind_piston)
         cycle = eqx.tree_at(
             lambda g: (g.suction_pressure, g.discharge_pressure, g.exponent, g.clearance_ratio),

@@ -58,7 +58,8 @@ def crank_direction(angle: Float[Array, "*n"]) -> Vector:
     They are written into an array: XLA computes what it can fuse once in each of the loops that use it,
     and a dozen loops of an orbit use these.
     """
-    both, origin = jnp.zeros((2, *angle.shape)), (0,) * angle.ndim
+    both = jnp.zeros((2, *angle.shape))
+    origin = (0,) * angle.ndim
     for row, values in enumerate((jnp.cos(angle), jnp.sin(angle))):
         both = lax.dynamic_update_slice(both, values[None], (row, *origin))
     return Vector(*both)
@@ -84,7 +85,8 @@ class AbstractKinematics(eqx.Module):
         self, state: CrankState
     ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
         """Second time derivative [1/s^2] of the unit vector along the crank, in x and y."""
-        square, rise = state.speed * state.speed, state.acceleration
+        square = state.speed * state.speed
+        rise = state.acceleration
         along = -self.cosine * square - self.sine * rise
         return along, self.cosine * rise - self.sine * square
 

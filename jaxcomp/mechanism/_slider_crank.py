@@ -111,7 +111,8 @@ class SliderCrank(AbstractMechanism):
         $$J - I_0 = m_c \tfrac{a}{l} r^2 + (m_p + m_c \tfrac{b}{l}) x_p'^2
             + (I_c - m_c a b) \phi'^2$$
         """
-        rod, b = kinematics, self.conrod_centre
+        rod = kinematics
+        b = self.conrod_centre
         rotating_mass, of_rod = self.rod_masses
         reciprocating_mass = self.piston_mass + of_rod
         # What the rod has beside two masses at its eyes: I_c - m_c a b.

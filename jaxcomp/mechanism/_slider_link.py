@@ -95,12 +95,14 @@ class SliderLink(AbstractMechanism):
 
     def kinematics(self, angle):
         cosine, sine = crank_direction(angle)
-        along, across = self.crank_radius * cosine, self.crank_radius * sine
+        along = self.crank_radius * cosine
+        across = self.crank_radius * sine
         return LinkMotion(cosine, sine, self.crown_to_link + along, -across, -along)
 
     def reduced_inertia(self, kinematics):
         r"""$m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
-        across, along = kinematics.position_1, kinematics.position_2
+        across = kinematics.position_1
+        along = kinematics.position_2
         value = self.slider_mass * self.crank_radius**2 + self.piston_mass * (across * across)
         return value, 2 * self.piston_mass * (across * along)
 

@@ -67,7 +67,8 @@ def gif(motion: Motion, dpi: int = 80) -> bytes:
 
 def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
     """[rad] Crank angles at even times from the top dead centre."""
-    angle, speed = np.asarray(turn.state.angle), np.asarray(turn.state.speed)
+    angle = np.asarray(turn.state.angle)
+    speed = np.asarray(turn.state.speed)
     time = np.concatenate([[0.0], np.cumsum(np.diff(angle) * (1 / speed[1:] + 1 / speed[:-1]) / 2)])
     return np.interp(time[-1] * np.arange(frames) / frames, time, angle)
 
@@ -151,7 +152,8 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
 def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
     points = np.concatenate([line for s in sketches for line in s.lines.values()], axis=1)
     points = points[:, np.isfinite(points).all(axis=0)]
-    low, high = points.min(axis=1), points.max(axis=1)
+    low = points.min(axis=1)
+    high = points.max(axis=1)
     ax.set_xlim(low[0] - 0.7 * reach, high[0] + 1.1 * reach)
     ax.set_ylim(min(low[1], -0.6 * reach) - 0.1 * reach, max(high[1], 0.6 * reach) + 0.25 * reach)
 
@@ -250,22 +252,28 @@ def _main_bearings(compressor: Compressor) -> tuple[tuple[str, ...], np.ndarray]
 
 def _draw(cylinders: Crankshaft, number: int, single: SliderCrank, angle: float, drawn) -> None:
     """Crank and rod, piston and cylinder from the front; rod and piston from the side."""
-    bank, phase = float(cylinders.bank_angle[number]), float(cylinders.phase[number])
+    bank = float(cylinders.bank_angle[number])
+    phase = float(cylinders.phase[number])
     own, _ = slider_crank_lines(single, angle + phase)
     turn = np.array([[np.cos(bank), -np.sin(bank)], [np.sin(bank), np.cos(bank)]])
     rod = turn @ own["pins"]
     for line, path in zip(drawn, (rod, turn @ own["piston"], turn @ own["cylinder"]), strict=False):
         line.set_data(path[1], path[0])
-    place, wide = float(cylinders.position[number]), 0.08 * float(single.bore)
+    place = float(cylinders.position[number])
+    wide = 0.08 * float(single.bore)
     drawn[3].set_data([place, place], rod[0, 1:])
     drawn[4].set_data([place - wide, place + wide], rod[0, [2, 2]])
 
 
 def _crank_line(cylinders: Crankshaft, radius: float, angle: float):
     """The crank from the side: z and x of its axis, throw by throw."""
-    z, x, places, room = [], [], list(np.asarray(cylinders.position)), 0.25 * radius
+    z = []
+    x = []
+    places = list(np.asarray(cylinders.position))
+    room = 0.25 * radius
     for throw in cylinders.rows:
-        own, places = places[: throw.banks.size], places[throw.banks.size :]
+        own = places[: throw.banks.size]
+        places = places[throw.banks.size :]
         height = radius * np.cos(angle + float(throw.angle))
         z += np.repeat([min(own) - room, max(own) + room], 2).tolist()
         x += [0.0, height, height, 0.0]

@@ -47,7 +47,8 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     degrees = np.rad2deg(np.asarray(turn.state.angle))
     drawn = zip(style.used(axes, len(loads)), loads.items(), strict=True)
     for place, (ax, (name, load)) in enumerate(drawn):
-        size, tint = look.factor * np.hypot(*load), style.colour(name, place)
+        size = look.factor * np.hypot(*load)
+        tint = style.colour(name, place)
         # without jumps of a whole turn, which would draw as circles
         direction = np.unwrap(np.arctan2(load[1], load[0]))
         ax.plot(direction, size, color=tint, linewidth=1.5)
@@ -106,7 +107,8 @@ def journal_paths(compressor: Compressor, orbit: Orbit) -> Figure:
 
 def in_clearance(ax: Axes, film: JournalFilm, **look: Any) -> tuple[np.ndarray, np.ndarray]:
     """Draw the path of a journal in its clearance circle; path and load as they are drawn, (2, n)."""
-    path, load = np.asarray(film.position), np.asarray(film.load)
+    path = np.asarray(film.position)
+    load = np.asarray(film.load)
     around = np.linspace(0, 2 * np.pi, 181)
     ax.plot(np.cos(around), np.sin(around), color=style.INK, linewidth=1.0)
     ax.plot(*np.append(path, path[:, :1], axis=1), **look)
@@ -123,7 +125,8 @@ def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
         orbit: its periodic state.
     """
     figure, (above, below) = style.stacked(2, (7.2, 5.6), "Films of the journals")
-    films, angle = journal_films(compressor, orbit), orbit.state.angle
+    films = journal_films(compressor, orbit)
+    angle = orbit.state.angle
     thickness = {name: 1e6 * film.thickness for name, film in films.items()}
     pressure = {name: film.pressure / 1e6 for name, film in films.items()}
     style.turn_curves(above, angle, thickness, "Smallest film, µm", zero=False, last=False)
@@ -156,7 +159,9 @@ def loaded_path(journal: LoadedJournal) -> Figure:
         lambda f: (f.position, f.load), journal.film, (journal.position, journal.load)
     )
     path, load = in_clearance(ax, film, color=style.tint(0), linewidth=1.6)
-    period, first, numbered = journal.table.period, float(journal.angle[0]), []
+    period = journal.table.period
+    first = float(journal.angle[0])
+    numbered = []
     for mark in np.arange(0, period - 1e-9, np.pi / 4):
         at = int(
             np.argmin(np.abs(np.asarray(journal.angle) - first - np.mod(mark - first, period)))
@@ -179,7 +184,8 @@ def loaded_film(journal: LoadedJournal) -> Figure:
         journal: under the loads of a table.
     """
     figure, axes = style.stacked(3, (7.2, 7.4), "Film under the loads of the table")
-    film, degrees = journal.film, np.rad2deg(np.asarray(journal.angle))
+    film = journal.film
+    degrees = np.rad2deg(np.asarray(journal.angle))
     look = shown("load", "N", np.hypot(*journal.load))
     marks = np.rad2deg(np.asarray(journal.table.angle))
     for n, name in enumerate(("W_x", "W_y")):
@@ -220,7 +226,8 @@ def stribeck(curve: StribeckCurve) -> Figure:
     load = shown("load", "N", np.asarray(curve.load))
     title = f"Friction over speed at {float(curve.load) * load.factor:.4g} {load.unit}"
     figure, (above, below) = style.stacked(2, (7.2, 6.2), title)
-    rpm, whole = np.asarray(curve.speed) * RPM, np.asarray(curve.friction_torque)
+    rpm = np.asarray(curve.speed) * RPM
+    whole = np.asarray(curve.friction_torque)
     above.plot(rpm, whole, color=style.tint(0), label="whole")
     contact = curve.bearing.contact
     if contact is not None:
@@ -271,10 +278,13 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     Raises:
         BadInput: a film model that gives no pressure.
     """
-    field, point, bearing = found.field, found.point, found.bearing
+    field = found.field
+    point = found.point
+    bearing = found.bearing
     if field is None or point.eccentricity_ratio is None or point.attitude_angle is None:
         raise BadInput("found", f"of the film {bearing.film}", "with a field of pressure")
-    angle, ratio = np.degrees(field.angle), float(point.eccentricity_ratio)
+    angle = np.degrees(field.angle)
+    ratio = float(point.eccentricity_ratio)
     title = f"Film pressure, {model or bearing.film}, eccentricity ratio {ratio:.4g}"
     figure, (above, below) = style.stacked(2, (7.2, 5.6), title)
     # both halves of the bearing, of which the field has one
@@ -290,14 +300,16 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
         style.colour_bar(above, shades, "Pressure, MPa", (angle, along, pressure))
     above.set_ylabel("Along the bearing, mm")
     peak = field.peak_pressure / 1e6
-    middle, label = field.pressure[:, 0] / 1e6, f"Pressure, peak {peak:.4g} MPa"
+    middle = field.pressure[:, 0] / 1e6
+    label = f"Pressure, peak {peak:.4g} MPa"
     below.plot(angle, middle, color="#0072B2", linewidth=1.7, label=label)
     below.set(ylim=(0, None if peak > 0 else 1), ylabel="Pressure in the mid-plane, MPa",
               xlabel="Angle from the load on the journal, with rotation, degrees")  # fmt: skip
     other = below.twinx()
     other.spines[["top"]].set_visible(False)
     other.tick_params(colors=style.INK, labelsize=8.5)
-    closest, gap = np.degrees(float(point.attitude_angle)), float(bearing.radial_clearance)
+    closest = np.degrees(float(point.attitude_angle))
+    gap = float(bearing.radial_clearance)
     thickness = gap * 1e6 * (1 - ratio * np.cos(np.radians(angle - closest)))
     other.plot(angle, thickness, color=style.INK, linewidth=1.1, linestyle="--")
     other.set_ylim(0, None)
@@ -319,12 +331,15 @@ def film_coefficients(found: SteadyBearing, model: str = "") -> Figure:
         found: of `jaxcomp.film.steady_bearing`, with a film that gives a position.
         model: as in `film_figures`.
     """
-    film, result = found.bearing.model, plain(found)
+    film = found.bearing.model
+    result = plain(found)
     # far enough both ways to show the light load, the heavy load and this one
-    here, length_ratio = result["phi_p"] or 1.0, result["length_ratio"]
+    here = result["phi_p"] or 1.0
+    length_ratio = result["length_ratio"]
     loads = np.geomspace(min(1e-2, here / 3), max(1e2, 3 * here), 161)
     eccentricity, *curves = _curves(film, jnp.asarray(length_ratio), jnp.asarray(loads))
-    number, running = 1 / (2 * np.pi * loads), result["sommerfeld_number"]
+    number = 1 / (2 * np.pi * loads)
+    running = result["sommerfeld_number"]
     title = f"Coefficients over the load, {model or result['film']}, L/D = {length_ratio:.4g}"
     figure, axes = style.stacked(3, (7.2, 7.4), title)
     points = result["dimensionless_stiffness"], result["dimensionless_damping"]

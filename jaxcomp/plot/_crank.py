@@ -144,13 +144,16 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     sizes = {name: np.hypot(*force) for name, force in forces.items() if name not in walls}
     rows, height = (2, 5.6) if walls else (1, 3.6)
     figure, axes = style.stacked(rows, (7.2, height), "Joint forces over one revolution")
-    angle, ax = turn.state.angle, axes[0]
-    label, wide = f"Magnitude, {look.unit}", {"linewidth": 1.6}
+    angle = turn.state.angle
+    ax = axes[0]
+    label = f"Magnitude, {look.unit}"
+    wide = {"linewidth": 1.6}
     style.turn_curves(ax, angle, sizes, label, zero=False, last=not walls, **wide)
     ax.set_ylim(0, None)
     style.legend_above(ax)
     if walls:
-        ax, label = axes[1], f"Side force on the piston, {look.unit}"
+        ax = axes[1]
+        label = f"Side force on the piston, {look.unit}"
         style.turn_curves(ax, angle, walls, label, **wide)
         if len(walls) > 1:
             style.legend_above(ax)
@@ -209,7 +212,8 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     Tsuji et al. (2012), Fig. 3 d to f. Inertia torques count as loads of their own, so that all
     curves add up to the inertia of the crankshaft alone.
     """
-    turn, mechanism = fine_turn(compressor, orbit), compressor.mechanism
+    turn = fine_turn(compressor, orbit)
+    mechanism = compressor.mechanism
     torques = {"motor": turn.motor_torque, "gas": turn.gas_torque}
     whole, piston = _inertia_torques(compressor, turn.state)
     moving = whole - compressor.crankshaft.inertia * turn.state.acceleration
@@ -245,7 +249,8 @@ def loss_shares(orbit: Orbit) -> Figure:
     """Work lost in each joint, with its power and its share of all losses."""
     losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
     losses = dict(sorted(losses.items(), key=lambda item: item[1]))
-    total, period = sum(losses.values()), float(orbit.period)
+    total = sum(losses.values())
+    period = float(orbit.period)
     efficiency = 100 * float(orbit.mechanical_efficiency)
     title = (
         f"Friction losses, {total:.4g} J per revolution; mechanical efficiency {efficiency:.2f} %"
@@ -265,12 +270,14 @@ def loss_shares(orbit: Orbit) -> Figure:
 
 
 def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):
-    mechanism, friction = compressor.mechanism, compressor.friction
+    mechanism = compressor.mechanism
+    friction = compressor.friction
     if not isinstance(friction, SliderCrankFriction) or not isinstance(mechanism, SliderCrank):
         return None
     if compressor.crankshaft.count > 1:
         return None
-    speed, forces = turn.state.speed, turn.loads.forces
+    speed = turn.state.speed
+    forces = turn.loads.forces
     rates = journal_rates(compressor, turn)
     moments = {}
     shaft = compressor.crankshaft
@@ -298,7 +305,8 @@ def _inertia_torques(compressor: Compressor, state):
     # without the gas, which has no pressure of its own where it is solved with its valves
     at = instants(replaced(compressor, gas=None), state.angle)
     whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
-    position_1, position_2 = at.kinematics.position_1, at.kinematics.position_2
+    position_1 = at.kinematics.position_1
+    position_2 = at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
     crankshaft = compressor.crankshaft
     mass = jnp.broadcast_to(compressor.mechanism.piston_mass, (crankshaft.count,))

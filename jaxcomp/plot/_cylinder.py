@@ -16,7 +16,9 @@ from . import _style as style
 
 # Points of an indicator diagram beside the nodes of the solver.
 _SAMPLES = 720
-_SUCTION, _DISCHARGE, _GAS = style.colour("suction"), style.colour("discharge"), "#444444"
+_SUCTION = style.colour("suction")
+_DISCHARGE = style.colour("discharge")
+_GAS = "#444444"
 
 
 def cylinder_figures(
@@ -40,7 +42,8 @@ def cylinder_figures(
 
 def valve_losses(cycle: Cycle) -> Figure:
     """Pressure over volume; shaded is the work that the valves cost."""
-    case, losses = cycle.case, cycle.work_losses
+    case = cycle.case
+    losses = cycle.work_losses
     volume, pressure, lifts = _fine_diagram(cycle)
     figure, ax = style.single((6.8, 4.4), "Indicator diagram and losses of the valves")
     ax.plot(
@@ -83,7 +86,9 @@ def valve_motion(cycle: Cycle) -> Figure:
     plenums = cycle.plenum_pressure
     rows = 2 if plenums is None else 3
     figure, axes = style.stacked(rows, (7.2, 2.6 * rows), "Valves over one revolution")
-    upper, middle, lowest = axes[0], axes[1], axes[-1]
+    upper = axes[0]
+    middle = axes[1]
+    lowest = axes[-1]
     for ax, courses, label in (
         (upper, cycle.lift, "Lift, mm"),
         (middle, cycle.flow, "Flow, forward positive, g/s"),
@@ -91,7 +96,9 @@ def valve_motion(cycle: Cycle) -> Figure:
         curves = {"suction": courses[0] * 1e3, "discharge": courses[1] * 1e3}
         style.turn_curves(ax, cycle.angle, curves, label, zero=ax is middle, last=ax is lowest)
     if plenums is not None:
-        case, courses, above = cycle.case, iter(plenums), {}
+        case = cycle.case
+        courses = iter(plenums)
+        above = {}
         for name, line in (("suction", case.suction.p), ("discharge", case.discharge.p)):
             for number in range(len(getattr(case.cylinder, name).plenums)):
                 above[f"{name} {number + 1}"] = 100 * (next(courses) / line - 1)
@@ -109,14 +116,16 @@ def log_p_h(cycle: Cycle) -> Figure:
     Raises:
         TypeError: a perfect gas, which has no dome.
     """
-    fluid, case = cycle.case.cylinder.fluid, cycle.case
+    fluid = cycle.case.cylinder.fluid
+    case = cycle.case
     if not has_dew_line(fluid):
         raise TypeError("a diagram of pressure over enthalpy needs a real gas.")
     end = float(fluid.critical_temperature)
     low = max(float(fluid.lowest_temperature), 0.55 * end)
     T = jnp.linspace(low, 0.995 * end, 120)
     dome = jax.vmap(lambda T: fluid.saturation(T=T))(T)
-    liquid, vapour = fluid.state(T, dome.liquid), fluid.state(T, dome.vapour)
+    liquid = fluid.state(T, dome.liquid)
+    vapour = fluid.state(T, dome.vapour)
     inside = fluid.state(cycle.temperature, cycle.mass / cycle.volume)
     figure, ax = style.single((6.8, 4.8), f"{fluid.name}: pressure over enthalpy")
     h = np.concatenate([liquid.h, vapour.h[::-1]]) / 1e3
@@ -161,7 +170,8 @@ def rating_figures(found: RatingMap, name: str) -> dict[str, Figure]:
     """Maps of capacity, power, COP and overall efficiency; none for a map of a single row or column."""
     figures = {}
     x, y = np.asarray(found.condensing) - ZERO, np.asarray(found.evaporating) - ZERO
-    right, up = np.argsort(x), np.argsort(y)
+    right = np.argsort(x)
+    up = np.argsort(y)
     units = {one: unit for one, unit, _ in QUANTITIES}
     for one in ("capacity", "power", "cop", "overall_efficiency"):
         values = np.ma.masked_invalid(np.asarray(found.values[one])[np.ix_(up, right)])

@@ -9,10 +9,15 @@ from ..study import Comparison, Sensitivity
 from ..study.tolerance import Tolerances
 from . import _style as style
 
-_LOW, _HIGH, _SECOND, _LIMIT = "#0072B2", "#D55E00", "#56437F", "#CC0000"
-_LOSS, _USE = "loss_power.", "power_use."
+_LOW = "#0072B2"
+_HIGH = "#D55E00"
+_SECOND = "#56437F"
+_LIMIT = "#CC0000"
+_LOSS = "loss_power."
+_USE = "power_use."
 # Bars of a sensitivity and of a tornado that still can be read.
-_BARS, _ROWS = 18, 14
+_BARS = 18
+_ROWS = 14
 
 
 def compared_figures(found: Comparison) -> dict[str, Figure]:
@@ -58,7 +63,8 @@ def _compared_family(found: Comparison, family: str, title: str, label: str) -> 
     figure, ax = style.single(size, title)
     shifts, height = style.side_by_side(len(labels))
     for place, name in enumerate(labels):
-        at, tint = np.arange(len(members)) + shifts[place], style.colour("", place)
+        at = np.arange(len(members)) + shifts[place]
+        tint = style.colour("", place)
         bars = ax.barh(at, values[:, place], height, color=tint, label=name)
         texts = [
             "" if row[place] is None else f"{style.plain_number(row[place])} W"
@@ -66,7 +72,8 @@ def _compared_family(found: Comparison, family: str, title: str, label: str) -> 
         ]
         ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
     style.named_rows(ax, list(map(style.words, members)))
-    low, high = values.min(initial=0.0), max(values.max(initial=0.0), 1e-12)
+    low = values.min(initial=0.0)
+    high = max(values.max(initial=0.0), 1e-12)
     ax.set(xlim=(1.2 * low, 1.2 * high), xlabel=label)
     style.legend_above(ax)
     return figure
@@ -134,21 +141,26 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    place, look = found.names.index(name), found.shown(name).drawn
+    place = found.names.index(name)
+    look = found.shown(name).drawn
     values = look.of(found.sampled.values[found.sampled.ok, place])
     title = f"{title}: {_small(look)} of {len(values):,} machines"
     figure, ax = style.single((6.8, 4.2), title)
     bars = style.bars(values, int(np.clip(np.sqrt(len(values)) / 2, 12, 80)))
     heights, edges, _ = ax.hist(values, bars, density=True, color="#9FC5E8", edgecolor="white",
                                 linewidth=0.3, label="samples")  # fmt: skip
-    top, limits = 1.15 * heights.max(), [r for r in found.reliability if r.limit.quantity == name]
+    top = 1.15 * heights.max()
+    limits = [r for r in found.reliability if r.limit.quantity == name]
     # the samples, and the limits that do not lie far off
-    low, high, room = edges[0], edges[-1], np.ptp(edges)
+    low = edges[0]
+    high = edges[-1]
+    room = np.ptp(edges)
     for one in limits:
         at = look.of(one.limit.bound)
         if low - 0.5 * room < at < high + 0.5 * room:
             low, high = min(low, at), max(high, at)
-    low, high = low - 0.04 * room, high + 0.04 * room
+    low = low - 0.04 * room
+    high = high + 0.04 * room
     ax.set(xlim=(low, high), ylim=(0, top))
     x = np.linspace(low, high, 400)
     for moments, tint, line, word in (
@@ -168,7 +180,8 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
                     textcoords="offset points", color=style.INK)  # fmt: skip
     style.note(figure, "Short marks: 5 and 95 % of the machines lie below.")
     for one in limits:
-        at, text = look.of(one.limit.bound), f"limit {look.text(one.limit.bound)}"
+        at = look.of(one.limit.bound)
+        text = f"limit {look.text(one.limit.bound)}"
         ax.axvline(at, color=_LIMIT, linewidth=1.3)
         # beside the line on the side of what breaks it, where the samples are few
         side, shift = ("left", 4) if one.limit.above and at < high else ("right", -4)
@@ -188,10 +201,12 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    place, look = found.names.index(name), found.shown(name).drawn
+    place = found.names.index(name)
+    look = found.shown(name).drawn
     ranked = found.ranking(name)[:_ROWS]
     rows = [found.variables.index(variable) for variable, _ in ranked]
-    size, title = (7.6, 1.6 + 0.36 * len(rows)), f"{title}: what changes {_small(look)}"
+    size = (7.6, 1.6 + 0.36 * len(rows))
+    title = f"{title}: what changes {_small(look)}"
     figure, ax = style.single(size, title)
     mean = look.of(float(np.asarray(found.local.value)[place]))
     reach = np.nan_to_num(look.of(found.swings[:, rows, place]) - mean)

@@ -78,7 +78,8 @@ def first_diagram(
     """[m^3], [Pa] Displaced volume and pressure of the first cylinder; the revolution must have gas."""
     assert turn.pressure is not None
     mechanism = of_cylinder(compressor.mechanism)
-    angle, pressure = turn.state.angle + compressor.crankshaft.phase[0], turn.pressure[0]
+    angle = turn.state.angle + compressor.crankshaft.phase[0]
+    pressure = turn.pressure[0]
     top = mechanism.piston_extremes()[0]
     return mechanism.piston_area * (top - mechanism.piston(angle)[0]), pressure
 

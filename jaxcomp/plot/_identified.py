@@ -8,9 +8,11 @@ from ..study import Identification
 from ..study.rating import ZERO
 from . import _style as style
 
-_FITTED, _PREDICTED = style.tint(0), style.tint(1)
+_FITTED = style.tint(0)
+_PREDICTED = style.tint(1)
 # Pairs of constants that are drawn, and root of chi-square of two for 95 %.
-_PAIRS, _RADIUS = 3, 5.991**0.5
+_PAIRS = 3
+_RADIUS = 5.991**0.5
 # Different values of a condition up to which it is worth a colour each.
 _FEW = 12
 
@@ -116,7 +118,8 @@ def _trace(found: Identification, name: str, quantity: str) -> Figure:
     for number, point in enumerate(dict.fromkeys(points.tolist())):
         at = np.flatnonzero(points == point)
         at = at[np.argsort(angle[at])]
-        tint, which = style.tint(number), f", {number + 1}" if np.ptp(points) else ""
+        tint = style.tint(number)
+        which = f", {number + 1}" if np.ptp(points) else ""
         ax.plot(angle[at], measured[at], ".", color=tint, markersize=4, label=f"measured{which}")
         ax.plot(angle[at], computed[at], color=tint, linewidth=1.2, label=f"computed{which}")
         off.plot(angle[at], left[at], ".", color=tint, markersize=3)
@@ -142,7 +145,8 @@ def _map(found: Identification, name: str, quantity: str) -> Figure:
         tint = style.tint(place)
         label = f"{at:.4g} \N{DEGREE SIGN}C" if place < _FEW else None
         ax.plot(x[order], computed[order], color=tint, linewidth=1.2, label=label)
-        low, high = computed[order] - half[order], computed[order] + half[order]
+        low = computed[order] - half[order]
+        high = computed[order] + half[order]
         ax.fill_between(x[order], low, high, color=tint, alpha=0.15, linewidth=0)
         for which, face in ((used, tint), (~used, "none")):
             dots = order[which[order]]
@@ -155,7 +159,8 @@ def _map(found: Identification, name: str, quantity: str) -> Figure:
 
 def _pairs(found: Identification, name: str) -> Figure:
     """Ellipses of 95 % of the pairs of constants that are correlated most."""
-    error, covariance = np.asarray(found.standard_error), np.asarray(found.covariance)
+    error = np.asarray(found.standard_error)
+    covariance = np.asarray(found.covariance)
     correlation = covariance / np.outer(error, error)
     rows, columns = np.triu_indices(len(error), 1)
     worst = np.argsort(-np.abs(correlation[rows, columns]))[:_PAIRS]

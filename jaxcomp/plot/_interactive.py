@@ -24,7 +24,8 @@ from .._core.errors import BadInput
 from ._style import GREY, GRID, INK
 
 # Plotly's pixels in a point of matplotlib, and in an inch.
-_POINT, _INCH = 100 / 72, 100
+_POINT = 100 / 72
+_INCH = 100
 _DASHES = {"-": "solid", "--": "dash", ":": "dot", "-.": "dashdot"}
 _NOTHING = ("None", "none", None, "", " ")
 _MARKERS = {"o": "circle", ".": "circle", "s": "square", "D": "diamond", "x": "x-thin", "*": "star",
@@ -125,7 +126,8 @@ class _Made:
     """The figure of plotly under construction."""
 
     def __init__(self, figure: Any, wanted: set[str]):
-        self.figure, self.wanted = figure, wanted
+        self.figure = figure
+        self.wanted = wanted
         self.axes: dict[Axes, str] = {}
 
     def draw(self, ax: Axes, number: int) -> None:
@@ -141,7 +143,8 @@ class _Made:
         in_bars = {patch for container in bars for patch in container}
         for patch in ax.patches:
             if patch not in in_bars:
-                path, face = patch.get_path(), patch.get_facecolor()
+                path = patch.get_path()
+                face = patch.get_facecolor()
                 polygons = path.transformed(patch.get_patch_transform()).to_polygons()
                 inside = patch.get_transform().contains_branch_seperately(ax.transData)
                 self._shape(ax, polygons, face, patch.get_edgecolor(), place, inside)
@@ -161,7 +164,8 @@ class _Made:
         )  # fmt: skip
 
     def _plane_axes(self, ax: Axes, key: str) -> dict[str, str]:
-        box, right = ax.get_position(), ax.yaxis.get_ticks_position() == "right"
+        box = ax.get_position()
+        right = ax.yaxis.get_ticks_position() == "right"
         # axes at the place of others have an ordinate of their own over the common abscissa
         below = next((k for a, k in self.axes.items() if np.allclose(a.get_position(), box)), None)
         x = self.axes[ax] = below or f"x{key}"
@@ -180,7 +184,9 @@ class _Made:
     def _axis(self, ax: Axes, axis, name: str, look: dict[str, Any]) -> None:
         """An abscissa or ordinate."""
         limits = axis.get_view_interval()[:: -1 if axis.get_inverted() else 1]
-        log, lines, labels = axis.get_scale() == "log", axis.get_gridlines(), axis.get_ticklabels()
+        log = axis.get_scale() == "log"
+        lines = axis.get_gridlines()
+        labels = axis.get_ticklabels()
         look |= {
             "range": np.log10(limits) if log else limits, "type": "log" if log else "linear",
             "title": {"text": axis.get_label_text(), "font": {"size": 12}, "standoff": 4},
@@ -200,7 +206,8 @@ class _Made:
         self.figure.update_layout({name: look})
 
     def _polar_axes(self, ax: Axes, key: str) -> dict[str, str]:
-        box, texts = ax.get_position(), [_html(label.get_text()) for label in ax.get_xticklabels()]
+        box = ax.get_position()
+        texts = [_html(label.get_text()) for label in ax.get_xticklabels()]
         radial = {"range": ax.get_ylim(), "angle": 67.5, "gridcolor": GRID, "nticks": 5}
         ticks = {"tickvals": np.rad2deg(ax.get_xticks()), "ticktext": texts, "gridcolor": GRID}
         domain = {"x": (box.x0, box.x1), "y": (box.y0, box.y1)}
@@ -215,7 +222,8 @@ class _Made:
         self.wanted.discard(label)
         words = [label] if label else []
         if ax.name == "polar":
-            kind, data = f"{kind}polar", {"theta": np.rad2deg(np.asarray(x)), "r": y}
+            kind = f"{kind}polar"
+            data = {"theta": np.rad2deg(np.asarray(x)), "r": y}
             words.append("%{r:.5g} at %{theta:.4g}°")
         else:
             data = {"x": x, "y": y}
@@ -228,7 +236,8 @@ class _Made:
 
     def _line(self, ax: Axes, line, place) -> None:
         inside = line.get_transform().contains_branch_seperately(ax.transData)
-        tint, style = _colour(line.get_color(), line.get_alpha()), line.get_linestyle()
+        tint = _colour(line.get_color(), line.get_alpha())
+        style = line.get_linestyle()
         look = {"color": tint, "width": line.get_linewidth() * _POINT,
                 "dash": _DASHES.get(style, "solid")}  # fmt: skip
         x, y = (np.asarray(values, float) for values in line.get_data())
@@ -237,7 +246,8 @@ class _Made:
                                   **_references(inside, place))  # fmt: skip
         if not all(inside) or not len(x):
             x, y = [None], [None]  # for the legend
-        sign, hollow = line.get_marker(), line.get_fillstyle() == "none"
+        sign = line.get_marker()
+        hollow = line.get_fillstyle() == "none"
         symbol = _MARKERS.get(sign, "circle") + ("-open" if hollow else "")
         size = line.get_markersize() * _POINT * (0.5 if sign == "." else 1.0)
         marker = {"color": tint, "size": size, "symbol": symbol,
@@ -255,7 +265,8 @@ class _Made:
         base, length, middle, across = (
             (x0, width, y0 + height / 2, height) if flat else (y0, height, x0 + width / 2, width)
         )
-        axis, names = ax.yaxis if flat else ax.xaxis, [f"{m:.5g}" for m in middle]
+        axis = ax.yaxis if flat else ax.xaxis
+        names = [f"{m:.5g}" for m in middle]
         if isinstance(axis.get_major_locator(), _FIXED):
             places, texts = _ticks(axis)
             names = [texts[np.argmin(np.abs(places - m))] for m in middle]
@@ -323,7 +334,8 @@ class _Made:
                         marker=marker)  # fmt: skip
 
     def _text(self, ax: Axes, text, place) -> None:
-        words, size = text.get_text(), text.get_fontsize() * 1.35
+        words = text.get_text()
+        size = text.get_fontsize() * 1.35
         if not words.strip() or not text.get_visible():
             return
         x, y = getattr(text, "xy", text.get_position())
@@ -339,7 +351,8 @@ class _Made:
         else:
             pair = given if isinstance(given, tuple) else (given, given)
             inside = tuple(one == "data" or not isinstance(one, str) for one in pair)
-        right, up = 0.0, 0.0
+        right = 0.0
+        up = 0.0
         if getattr(text, "anncoords", None) == "offset points":
             right, up = (_POINT * float(shift) for shift in text.xyann)
         x, y = (

@@ -60,7 +60,8 @@ def front_view(compressor: Compressor, angle: float) -> dict[str, np.ndarray]:
     """
     parts: dict[str, list[np.ndarray]] = {}
     shaft = compressor.crankshaft
-    banks, phases = np.asarray(shaft.bank_angle), np.asarray(shaft.phase)
+    banks = np.asarray(shaft.bank_angle)
+    phases = np.asarray(shaft.phase)
     for number, (bank, phase) in enumerate(zip(banks, phases, strict=True), 1):
         lines, _ = _drawing(of_cylinder(compressor.mechanism, number), angle + phase)
         turn = np.array([[np.sin(bank), np.cos(bank)], [np.cos(bank), -np.sin(bank)]])
@@ -81,12 +82,17 @@ def forces_over(compressor: Compressor, turn: FineTurn) -> dict[str, np.ndarray]
 
 def slider_crank_lines(m: SliderCrank, angle: float):
     """Lines of a mechanism, and where the forces on its parts act, [m]."""
-    radius, bore, e = float(m.crank_radius), float(m.bore), float(m.offset)
+    radius = float(m.crank_radius)
+    bore = float(m.bore)
+    e = float(m.offset)
     position = float(m.piston(np.asarray(angle))[0])
-    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
+    centre = np.zeros(2)
+    pin = radius * np.array([np.cos(angle), np.sin(angle)])
     piston = np.array([position, e])
     top, bottom = (float(x) for x in m.piston_extremes())
-    crown, skirt = 0.45 * bore, 0.4 * bore  # from the piston pin; assumed
+    # from the piston pin; assumed
+    crown = 0.45 * bore
+    skirt = 0.4 * bore
     lines = {
         "cylinder": _cylinder(bottom - skirt, top + crown, bore, e),
         "circle": _circle(radius),
@@ -106,13 +112,17 @@ def slider_crank_lines(m: SliderCrank, angle: float):
 
 def slider_link_lines(m: SliderLink, angle: float):
     """Lines of a mechanism, and where the forces on its parts act, [m]."""
-    radius, bore, y = float(m.crank_radius), float(m.bore), float(m.offset)
+    radius = float(m.crank_radius)
+    bore = float(m.bore)
+    y = float(m.offset)
     position = float(m.piston(np.asarray(angle))[0])
-    centre, pin = np.zeros(2), radius * np.array([np.cos(angle), np.sin(angle)])
+    centre = np.zeros(2)
+    pin = radius * np.array([np.cos(angle), np.sin(angle)])
     top = float(m.piston_extremes()[0])
     edge = top - float(m.cylinder_length)
     size = float(m.slider_diameter) or 0.5 * radius
-    near, far = pin[0] + 0.65 * size, pin[0] + 0.8 * size
+    near = pin[0] + 0.65 * size
+    far = pin[0] + 0.8 * size
     lines = {
         "cylinder": _cylinder(edge, top, bore, y),
         "circle": _circle(radius),

@@ -10,8 +10,12 @@ from .._core.display import Shown, shown
 from ..study import Optimum, ParetoFront
 from . import _style as style
 
-_SAMPLE, _BEST, _NOW, _BAD = "#9A9A9A", "#D55E00", "#009E73", "#CC79A7"
-_STEPS, _BREAKS = "Designs solved from this start", "breaks a constraint"
+_SAMPLE = "#9A9A9A"
+_BEST = "#D55E00"
+_NOW = "#009E73"
+_BAD = "#CC79A7"
+_STEPS = "Designs solved from this start"
+_BREAKS = "breaks a constraint"
 _PATHS = ("#0072B2", "#56B4E9", "#E69F00", "#56437F", "#999933", "#AA4499", "#444444", "#009E73")
 
 
@@ -72,7 +76,8 @@ def pareto_front(front: ParetoFront) -> Figure:
     # around the front and the present design: a wide sample would press them flat
     near = np.concatenate([points, present[None]])
     near = near[np.all(np.isfinite(near), axis=1)]
-    low, high = near.min(axis=0), near.max(axis=0)
+    low = near.min(axis=0)
+    high = near.max(axis=0)
     margin = 0.15 * np.where(high > low, high - low, np.maximum(np.abs(high), 1e-12))
     (left, bottom), (right, top) = low - margin, high + margin
     ax.set(xlim=(left, right), ylim=(bottom, top), xlabel=looks[1].label, ylabel=looks[0].label)
@@ -96,7 +101,8 @@ def _line(optimum: Optimum) -> Figure:
     if broken.any():
         above.plot(x[broken], y[broken], ".", color=_BAD, markersize=5, label=_BREAKS)
     for number, start in enumerate(optimum.starts):
-        path, value = variable.of(start.path[:, 0]), goal.of(start.objectives)
+        path = variable.of(start.path[:, 0])
+        value = goal.of(start.objectives)
         above.plot(path[:1], value[:1], "o", color=_path(number), markersize=5)
         below.plot(path, np.arange(1, len(path) + 1), "o-", color=_path(number), markersize=3.5,
                    linewidth=1.1)  # fmt: skip
@@ -115,8 +121,10 @@ def _line(optimum: Optimum) -> Figure:
 
 def _plane(optimum: Optimum) -> Figure:
     figure, ax = style.single((6.8, 5.0), _title(optimum))
-    sample, ranges = optimum.sample, optimum.ranges
-    looks, goal = _variables(optimum), _objective(optimum)
+    sample = optimum.sample
+    ranges = optimum.ranges
+    looks = _variables(optimum)
+    goal = _objective(optimum)
     scale = _columns(looks)
     places = scale.of(sample.values)
     if sample.ok.sum() >= 4:
@@ -146,7 +154,8 @@ def _plane(optimum: Optimum) -> Figure:
 
 
 def _strips(optimum: Optimum) -> Figure:
-    looks, ranges = _variables(optimum), optimum.ranges
+    looks = _variables(optimum)
+    ranges = optimum.ranges
     size = (6.6, 1.6 * len(looks) + 0.6)
     figure, axes = style.stacked(len(looks), size, _title(optimum))
     best = list(optimum.values.values())
@@ -192,7 +201,8 @@ def _objective(optimum: Optimum) -> Shown:
 
 
 def _variables(optimum: Optimum) -> list[Shown]:
-    variables, values = optimum.problem.variables, optimum.sample.values.T
+    variables = optimum.problem.variables
+    values = optimum.sample.values.T
     return [
         shown(one.name, one.unit, row).drawn for one, row in zip(variables, values, strict=True)
     ]

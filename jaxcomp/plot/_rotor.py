@@ -110,11 +110,13 @@ def response_curves(found: RotorMotion | Response, nodes: Sequence[str | int] = 
         BadInput: a response without orders and speeds, or a node that it does not have.
     """
     if isinstance(found, Response):
-        curves, marks = _curves_of(found, [str(node) for node in nodes]), ()
+        curves = _curves_of(found, [str(node) for node in nodes])
+        marks = ()
     elif found.curves is None:
         raise BadInput("found", "at single speeds", "over a range of speeds")
     else:
-        curves, marks = found.curves, found.speeds
+        curves = found.curves
+        marks = found.speeds
     size = (7.2, 1.2 + 2.3 * len(curves.orders))
     figure, axes = style.stacked(len(curves.orders), size, "Response over the speed")
     rpm = np.asarray(curves.speeds) * RPM
@@ -169,7 +171,8 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
 
 def mode_shapes(found: RotorModes) -> Figure:
     """The first modes at the first speed along z, x-plane and y-plane."""
-    model, modes = found.model, found.modes[0]
+    model = found.model
+    modes = found.modes[0]
     real = np.flatnonzero(np.isfinite(np.asarray(modes.eigenvalue)))[:6]
     rows = max(1, -(-len(real) // 2))
     title = "Mode shapes without links" if found.free else "Mode shapes"
@@ -254,7 +257,8 @@ def campbell_diagram(
         if np.shape(campbell.whirl)[:-1] != np.shape(speeds) or np.ndim(speeds) != 1:
             raise BadInput("speeds", np.shape(speeds), "those that `campbell` was given")
         campbell = CampbellDiagram(np.asarray(speeds), campbell)
-    rpm, modes = np.array(campbell.speeds) * RPM, campbell.modes
+    rpm = np.array(campbell.speeds) * RPM
+    modes = campbell.modes
     hertz, whirl, damping = map(np.array, (modes.frequency, modes.whirl, modes.damping_ratio))
     hertz = hertz / (2 * np.pi)
     strong = damping > _STRONG
@@ -304,7 +308,8 @@ def _draw_shafts(ax, model, places) -> float:
     for disks in model.disks:
         largest = max(float(np.max(disks.mass)), 1e-12)
         for node, mass in zip(disks.nodes, np.asarray(disks.mass), strict=True):
-            z, half = places[node][2] * 1e3, height * (0.5 + 0.5 * float(mass) / largest)
+            z = places[node][2] * 1e3
+            half = height * (0.5 + 0.5 * float(mass) / largest)
             ax.plot([z, z], [-half, half], **_DISK, zorder=3)
     z = [p[2] * 1e3 for p in places.values()]
     room = max(z) - min(z) + 1

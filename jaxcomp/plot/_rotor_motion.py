@@ -86,7 +86,8 @@ def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Out
     """Boxes around the bodies, the longest one around the others, and the shafts in front."""
     names = list(node_names(model))
     on_shafts = {node for shaft in model.shafts for pair in shaft.pairs for node in pair}
-    boxes, shafts = [], []
+    boxes = []
+    shafts = []
     for number, group in enumerate(subsets(model)):
         for body in model.bodies:
             if body.centre in group:
@@ -96,10 +97,12 @@ def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Out
             shafts.append(Outline(number, at[line, 0], at[line, 2], motion[line]))
     boxes.sort(key=lambda box: np.ptp(at[box[1], 2]))
     step = 0.08 * np.ptp(at[:, 2])
-    left, right = 0.0, 0.0
+    left = 0.0
+    right = 0.0
     for number, members in boxes:
         x, y, z = at[members].T
-        left, right = min(left - step, x.min()), max(right + step, x.max())
+        left = min(left - step, x.min())
+        right = max(right + step, x.max())
         # of a rigid body u_x is linear in y and z, so that its nodes tell the motion of the corners
         terms = np.stack([np.ones(len(members)), y, z], axis=1)
         fit = np.linalg.lstsq(terms, motion[members], rcond=None)[0]

@@ -39,7 +39,10 @@ _SPARE = ("#E69F00", "#56B4E9", "#F0E442", "#CC79A7", "#000000")
 # Of curves that stand for no joint, in this order.
 TINTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#56437F",
          "#444444")  # fmt: skip
-INK, GREY, FAINT, GRID = "#222222", "#888888", "#AAAAAA", "#E3E3E3"
+INK = "#222222"
+GREY = "#888888"
+FAINT = "#AAAAAA"
+GRID = "#E3E3E3"
 
 
 def colour(name: str, place: int = 0) -> str:
@@ -103,7 +106,8 @@ def beside(columns: int, size: tuple[float, float], title: str):
 
 def new_polar_figure(rows: int, columns: int, title: str):
     """A figure with a grid of polar axes in the same style, as an array of shape (rows, columns)."""
-    size, polar = (4.0 * columns, 4.0 * rows + 0.4), {"projection": "polar"}
+    size = (4.0 * columns, 4.0 * rows + 0.4)
+    polar = {"projection": "polar"}
     return new_figure(rows, columns, size, title, False, subplot_kw=polar)
 
 
@@ -224,15 +228,20 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
 
 
 # [pt] Half of the size of a number such as 180°, room around it, and the size of a dot.
-_HALF_WIDTH, _HALF_HEIGHT, _ROOM, _DOT = 9.5, 4.5, 2.0, 3.2
+_HALF_WIDTH = 9.5
+_HALF_HEIGHT = 4.5
+_ROOM = 2.0
+_DOT = 3.2
 # [pt] Distances of a number from its dot that are tried; beyond the second a thin line joins them.
-_DISTANCES, _NEAR = (10.0, 14.0, 19.0, 25.0, 32.0), 14.5
+_DISTANCES = (10.0, 14.0, 19.0, 25.0, 32.0)
+_NEAR = 14.5
 
 
 def _points_per_unit(ax: Axes, places: np.ndarray) -> float:
     """[pt] About as long as one unit of a curve in the complex plane will be drawn."""
     box = ax.get_window_extent()
-    width, height = box.width * 72 / ax.figure.dpi, box.height * 72 / ax.figure.dpi
+    width = box.width * 72 / ax.figure.dpi
+    height = box.height * 72 / ax.figure.dpi
     if ax.name == "polar":
         return 0.5 * min(width, height) / (1.08 * max(float(np.abs(places).max()), 1e-12))
     spans = [max(1.1 * float(np.ptp(part)), 1e-12) for part in (np.real(places), np.imag(places))]
@@ -242,13 +251,15 @@ def _points_per_unit(ax: Axes, places: np.ndarray) -> float:
 def _offset_beside(curve: np.ndarray, dot: complex, centres: Sequence[complex]) -> complex:
     """[pt] From a dot to the centre of its number, which covers neither the curve nor another number."""
     turns = np.exp(2j * np.pi * np.arange(16) / 16 + 0.25j * np.pi)
-    best, clear = complex(turns[0]), -np.inf
+    best = complex(turns[0])
+    clear = -np.inf
     for distance in _DISTANCES:
         offsets = distance * turns
         gaps = np.array([_gap(curve, centres, dot + offset) for offset in offsets])
         widest = int(np.argmax(gaps))
         if gaps[widest] > clear:
-            best, clear = complex(offsets[widest]), float(gaps[widest])
+            best = complex(offsets[widest])
+            clear = float(gaps[widest])
         if clear >= _ROOM:
             break
     return best
@@ -269,7 +280,8 @@ def _gap(curve: np.ndarray, centres: Sequence[complex], centre: complex) -> floa
 
 
 # Half of the size of two short lines of text, as parts of the axes, and room around them.
-_HALF_TEXT, _TEXT_ROOM = (0.17, 0.06), 0.02
+_HALF_TEXT = (0.17, 0.06)
+_TEXT_ROOM = 0.02
 
 
 def free_place(ax: Axes, wanted: tuple[float, float]) -> tuple[float, float]:
@@ -281,7 +293,8 @@ def free_place(ax: Axes, wanted: tuple[float, float]) -> tuple[float, float]:
     """
     lines = [line.get_transform().transform(line.get_xydata()) for line in ax.lines]
     drawn = ax.transAxes.inverted().transform(np.concatenate(lines))
-    starts, steps = drawn[:-1], np.diff(drawn, axis=0)
+    starts = drawn[:-1]
+    steps = np.diff(drawn, axis=0)
     drawn = np.concatenate([starts + k / 16 * steps for k in range(17)])
     across, up = np.meshgrid(np.linspace(0.2, 0.8, 25), np.linspace(0.1, 0.75, 27))
     places = np.stack([across.ravel(), up.ravel()], axis=-1)
@@ -359,7 +372,8 @@ def legend(ax: Axes, **options) -> Legend:
 
 def legend_above(ax: Axes) -> None:
     """A legend in rows above the axes, where no curve can run, each as long as the axes leave room."""
-    box, place = ax.get_window_extent(), ax.get_subplotspec()
+    box = ax.get_window_extent()
+    place = ax.get_subplotspec()
     room = box.width
     if place is None or place.is_last_col():
         room = ax.figure.bbox.width - box.x0

@@ -18,7 +18,8 @@ from . import _style as style
 if TYPE_CHECKING:
     import xarray
 
-_CURVE, _BEST = "#0072B2", "#D55E00"
+_CURVE = "#0072B2"
+_BEST = "#D55E00"
 # Points of a cloud that still can be told apart.
 _CLOUD = 20_000
 # Values of the second variable up to which a picture of one curve each can be read.
@@ -34,7 +35,8 @@ def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
     """
     figures = {}
     for name in quantity_names(found):
-        dims, words = found[name].dims, f"{title}: {_drawn(found, name).words.lower()}"
+        dims = found[name].dims
+        words = f"{title}: {_drawn(found, name).words.lower()}"
         if dims == ("sample",):
             figures[f"samples-{name}"] = sample_cloud(found, name, words)
         elif len(dims) == 1:
@@ -57,7 +59,8 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
         title: what was swept.
         dimension: along which the machines stand.
     """
-    machines, figures = [str(one) for one in found[dimension].values], {}
+    machines = [str(one) for one in found[dimension].values]
+    figures = {}
     for name in quantity_names(found):
         look = _drawn(found, name)
         heading = f"{title}: {look.words.lower()}"
@@ -97,8 +100,11 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     figure, ax = style.single((7.2, 5.0), f"{title}{at}")
     ax.grid(False)
     px, py = x.of(np.asarray(found[across])), y.of(np.asarray(found[along]))
-    right, up = np.argsort(px), np.argsort(py)
-    values, px, py = values[np.ix_(up, right)], px[right], py[up]
+    right = np.argsort(px)
+    up = np.argsort(py)
+    values = values[np.ix_(up, right)]
+    px = px[right]
+    py = py[up]
     if values.count() and min(values.shape) > 1:
         levels = MaxNLocator(20, steps=[1, 2, 5, 10]).tick_values(values.min(), values.max())
         if values.max() == values.min():
@@ -144,9 +150,11 @@ def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
     values = y.of(np.asarray(found[name]).reshape(found.sizes[dims[0]], -1))
     px = x.of(np.asarray(found[dims[0]]))
     order = np.argsort(px)
-    px, values = px[order], values[order]
+    px = px[order]
+    values = values[order]
     figure, ax = style.single((7.2, 4.4), f"{title}{at}")
-    count, judged = values.shape[1], _judged(found, name)
+    count = values.shape[1]
+    judged = _judged(found, name)
     chosen = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
     tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(chosen)))
     second = _drawn(found, dims[1]) if len(dims) == 2 else None
@@ -180,9 +188,11 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
     x, y, z = (_drawn(found, n) for n in (across, along, name))
     figure, (above, below) = style.stacked(2, (7.2, 5.4), title)
     order = np.argsort(top.across)
-    px, value = x.of(top.across[order]), z.of(top.value[order])
+    px = x.of(top.across[order])
+    value = z.of(top.value[order])
     inner = _inside(top.along, found[along])[order]
-    best, between = y.of(top.along[order]), y.of(top.between[order])
+    best = y.of(top.along[order])
+    between = y.of(top.between[order])
     above.plot(px, np.where(inner, between, np.nan), color=_CURVE, linewidth=1.6,
                label="between the values tried (parabola)")  # fmt: skip
     above.plot(px, best, "o", color=_CURVE, markersize=3.5, label="of the values tried")
@@ -250,7 +260,8 @@ def _sliced(found, name, keep):
     if not rest:
         return found, ""
     best = best_design(found, name) if _judged(found, name) else None
-    at, words = {}, []
+    at = {}
+    words = []
     for dim in rest:
         values = np.asarray(found[dim])
         at[dim] = values.size // 2 if best is None else int(np.argmin(abs(values - best[dim])))

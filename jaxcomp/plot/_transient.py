@@ -25,8 +25,10 @@ def transient_figure(transient: Transient, name: str, power_off: float | None = 
     rows = 2 if transient.gas is None else 3
     title = f"{name}: {float(transient.end_time):.4g} s{how}"
     figure, axes = style.stacked(rows, (7.4, 2.8 * rows), title)
-    time, energy = np.asarray(transient.time), transient.energy
-    above, below = axes[0], axes[-1]
+    time = np.asarray(transient.time)
+    energy = transient.energy
+    above = axes[0]
+    below = axes[-1]
     above.plot(
         time, np.asarray(transient.state.speed) * RPM, color=style.colour("motor"), linewidth=1.0
     )

@@ -65,7 +65,8 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     """
     places = block_points(suspension)
     paths, free = _paths(compressor, orbit, suspension, jnp.stack(list(places.values())))
-    paths, free = 1e6 * np.asarray(paths), 1e6 * np.asarray(free)
+    paths = 1e6 * np.asarray(paths)
+    free = 1e6 * np.asarray(free)
     figure, axes = style.beside(3, (10.4, 4.0), "Vibration of the suspended compressor")
     for ax, (a, b) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
         for i, name in enumerate(places):
@@ -92,10 +93,8 @@ def free_body_errors(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     factors = jnp.append(jnp.geomspace(0.1, 3.0, 41), 1.0)
     points = jnp.stack(list(places.values()))
     errors, highest = _errors(compressor, orbit, suspension, points, factors)
-    ratio, errors = (
-        np.asarray(highest) * float(orbit.period) / (2 * np.pi),
-        100 * np.asarray(errors),
-    )
+    ratio = np.asarray(highest) * float(orbit.period) / (2 * np.pi)
+    errors = 100 * np.asarray(errors)
     figure, ax = style.single((7.2, 4.2), "Error of the free-body approximation")
     for i, name in enumerate(places):
         tint = _POINTS[i % len(_POINTS)]
@@ -185,7 +184,8 @@ def balance_polar(balance: Balance) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
     unit, factor = small_unit(balance.influence.trial)
     correction = np.asarray(balance.correction)
-    sizes, angles = np.abs(correction) * factor, np.angle(correction)
+    sizes = np.abs(correction) * factor
+    angles = np.angle(correction)
     figure, ((ax,),) = style.new_polar_figure(1, 1, f"Corrections to add, {unit}")
     corrections = zip(balance.influence.planes, sizes, angles, strict=True)
     for number, (name, size, angle) in enumerate(corrections):

@@ -77,7 +77,8 @@ def _stable(result) -> Check:
 
 def _failed(name: str, all_of_them: str):
     def make(result) -> Check:
-        failed, number = result["failed"], result[all_of_them]
+        failed = result["failed"]
+        number = result[all_of_them]
         return Check(f"{name} without a result", f"{failed:,} of {number:,}", failed == 0, "none")
 
     return make

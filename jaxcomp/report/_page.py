@@ -212,12 +212,16 @@ def picture_html(name: str, picture: Figure | bytes) -> str:
     """A figure, which carries its title, or a moving picture (GIF) with its name below."""
     caption = ""
     if isinstance(picture, bytes):
-        kind, data, told = "gif", picture, name.replace("_", " ").capitalize()
+        kind = "gif"
+        data = picture
+        told = name.replace("_", " ").capitalize()
         caption = f"<figcaption>{escape(told)}</figcaption>"
     else:
-        kind, data = "svg+xml", _saved(picture, "svg")
+        kind = "svg+xml"
+        data = _saved(picture, "svg")
         if len(data) > _LARGEST_SVG:
-            kind, data = "png", _saved(picture, "png")
+            kind = "png"
+            data = _saved(picture, "png")
         told = picture.get_suptitle() or name
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
     image = f'<img src="{source}" alt="{escape(told, quote=True)}">'

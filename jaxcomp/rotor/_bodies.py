@@ -89,7 +89,8 @@ def inertia_matrices(
     table: Disks | PointMasses,
 ) -> tuple[Float[Array, "n 2 2"], Float[Array, "n 2 2"], Float[Array, "n 2 2"]]:
     """Lateral inertia, polar inertia on (u, phi), and inertia on (u_z, th_z), at the nodes."""
-    m, zero = table.mass, jnp.zeros_like(table.mass)
+    m = table.mass
+    zero = jnp.zeros_like(table.mass)
     if isinstance(table, PointMasses):
         lateral = _two_by_two(m, zero, zero)
         return lateral, jnp.zeros_like(lateral), lateral
@@ -152,7 +153,8 @@ def arm_matrices(arm: Float[Array, "n 3"], dof: int) -> Float[Array, "n dof dof"
 
 def body_matrices(body: RigidBody, dof: int) -> Float[Array, "2 dof dof"]:
     """Inertia and gyroscopic matrix (per unit spin speed) at the centre, in coordinates."""
-    move, turn = np.diag([1.0, 1, 1, 0, 0, 0]), np.eye(6)[:, 3:]
+    move = np.diag([1.0, 1, 1, 0, 0, 0])
+    turn = np.eye(6)[:, 3:]
     mass = body.mass * move + turn @ body.inertia @ turn.T
     spin = 0.0 if body.spin_inertia is None else body.spin_inertia
     # Spin about +z: M_x = I th_x'' + I_p W th_y' and M_y = I th_y'' - I_p W th_x', for a small

@@ -287,7 +287,8 @@ def _stiffness_times(system, growth, spin, x, order, damping, transpose):
 def _synchronous(system, count, order, near):
     """Starting values: speeds (count,) and vectors (a, count) of the undamped problem."""
     full, _ = system_matrices(system, near, damping=False)
-    k, inertia = (full.stiffness + full.stiffness.T) / 2, full.mass
+    k = (full.stiffness + full.stiffness.T) / 2
+    inertia = full.mass
     h = order**2 * inertia - 1j * order * full.gyroscopic
     # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
     # By the median, because one stiff spring would make a grain that outweighs the shaft.
@@ -314,7 +315,8 @@ def _synchronous(system, count, order, near):
 
 def on_active(system, x, function):
     """A function of motions (n, planes, 2), applied to active degrees of freedom."""
-    layout, places = system.layout, np.flatnonzero(system.layout.active)
+    layout = system.layout
+    places = np.flatnonzero(system.layout.active)
     full = add(jnp.zeros(layout.n * layout.dof, complex), places, x).reshape(-1, layout.dof)
     out = from_planes(function(to_planes(full, layout.dof)), layout.dof)
     return take(out.reshape(-1), places)

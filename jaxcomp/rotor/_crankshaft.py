@@ -123,7 +123,8 @@ def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
         own = jnp.array([node in place for node in table.nodes], float)
         z = jnp.stack([jnp.asarray(place.get(node, 0.0), float) for node in table.nodes])
         vectors = own * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
-        unbalance, couple = unbalance + vectors.sum(-1), couple + vectors @ z
+        unbalance = unbalance + vectors.sum(-1)
+        couple = couple + vectors @ z
     return inertia, mass, unbalance, couple
 
 

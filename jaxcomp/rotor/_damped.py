@@ -167,7 +167,8 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     p = full.mass, velocity, full.stiffness
     frozen = jax.lax.stop_gradient(p)
     values, vectors, worst = jax.lax.stop_gradient(_spectrum(*frozen))
-    lam, x = values[:count], vectors[:, :count]
+    lam = values[:count]
+    x = vectors[:, :count]
     lam_new = _newton(p, frozen, lam, x)
     x_new = _vectors(*p, lam_new, lam, x)
     (growth,) = _newton(p, frozen, *worst).real
@@ -177,7 +178,8 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     # u_x + i u_y is forward whirl, u_x - i u_y backward whirl, see `_conventions`.
     forward, back = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
     # An axial or torsional motion has no lateral part but rounding, and no whirl.
-    lateral, whole = forward + back, jnp.sum(jnp.abs(shape) ** 2, (-2, -1))
+    lateral = forward + back
+    whole = jnp.sum(jnp.abs(shape) ** 2, (-2, -1))
     moves = ~(
         lateral <= _ROUNDING**2 * whole
     )  # of a mode that is missing: not a number, as all of it
@@ -189,7 +191,8 @@ def _spectrum(m, d, k):
     """Oscillating eigenvalues by frequency, right vectors, and the least stable pair of these."""
     n = m.shape[0]
     # Coordinates of one size, and the shift as the unit of frequency.
-    diag, moving = jnp.abs(jnp.diagonal(k)), jnp.diagonal(m)
+    diag = jnp.abs(jnp.diagonal(k))
+    moving = jnp.diagonal(m)
     inertia = jnp.select([moving > 0], [moving], jnp.nan)
     # Positive, where stable motions have no eigenvalue, and low, so that low modes have the
     # largest nu; by the median, because of single stiff springs.

@@ -34,8 +34,14 @@ from ._layout import Layout
 from ._operator import Operator
 from ._places import TURNED, at_speed
 
-_DIAGONAL, _NEXT, _LEFT = slice(0, 3), slice(3, 7), slice(7, 11)  # of a segment's blocks
-_PIVOT, _AHEAD, _BACK, _ON_LEFT = slice(0, 3), slice(3, 7), slice(7, 11), slice(11, 14)
+# of a segment's blocks
+_DIAGONAL = slice(0, 3)
+_NEXT = slice(3, 7)
+_LEFT = slice(7, 11)
+_PIVOT = slice(0, 3)
+_AHEAD = slice(3, 7)
+_BACK = slice(7, 11)
+_ON_LEFT = slice(11, 14)
 
 
 class Factor(NamedTuple):
@@ -64,19 +70,26 @@ class Factor(NamedTuple):
 
 def factorise(z: Operator) -> Factor:
     """Eliminate the segments and factorise the border; modal damping is not handled here."""
-    layout, b = z.system.layout, len(z.system.layout.border)
+    layout = z.system.layout
+    b = len(z.system.layout.border)
     assert z.system.places is not None
     places = at_speed(layout, z.system.places, z.coefficients)
     segment, last, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
-    inner, cross, reach, kept = [], [], [], []
+    inner = []
+    cross = []
+    reach = []
+    kept = []
     for component, (free, keep) in _kinds(layout):
         # Untouched coordinates first: they are eliminated while p and q are still apart.
-        order, f = np.concatenate([free, keep]), len(free)
-        row, column = order[:, None], order
+        order = np.concatenate([free, keep])
+        f = len(free)
+        row = order[:, None]
+        column = order
         # Blocks of the border are four numbers each, row by row.
         entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
         a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., component], -1, 0)
-        lu, coupling = lu_factor(a[:, :f, :f]), a[:, :f, f:]
+        lu = lu_factor(a[:, :f, :f])
+        coupling = a[:, :f, f:]
         response = lu_solve(lu, coupling)
         inner.append(lu)
         cross.append(coupling)
@@ -96,7 +109,8 @@ def solve_factored(
     layout: Layout, factor: Factor, load: Complex[Array, "n p 2"], *, transpose: bool
 ) -> Complex[Array, "n p 2"]:
     """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
-    moving, to_components = jnp.asarray(layout.moving), whirl(layout.dof, transpose)
+    moving = jnp.asarray(layout.moving)
+    to_components = whirl(layout.dof, transpose)
     components = jnp.einsum("lp,npk->nkl", to_components, jnp.where(moving, load, 0.0))
     g, (m, c), b = take(components, layout.border), layout.segment.shape, len(layout.border)
     if not m:
@@ -176,7 +190,8 @@ def _eliminate(layout, places, more):
     rows = [np.where(k < b, k * (b + 1), b * b) for k in (left, far)]
     rows += [np.where(both, i * b + k, b * b) for i, k in ((far, left), (left, far))]
     values = jnp.concatenate([to_left, to_far, across, across[TURNED]], 1).swapaxes(0, 1)
-    rows, values = np.concatenate([*rows, more[0]]), jnp.concatenate([-values, more[1]])
+    rows = np.concatenate([*rows, more[0]])
+    values = jnp.concatenate([-values, more[1]])
     border = add(places.border, rows, values) + _held(layout)
     return segment, jnp.stack(last, 1), border
 
@@ -206,7 +221,8 @@ def _held_in_one_plane(layout):
 
 def _magnetic_pulls(layout, z):
     """Border rows and blocks of the magnetic pulls, which are isotropic and stay within components."""
-    b, count = len(layout.border), len(z.system.model.links)
+    b = len(layout.border)
+    count = len(z.system.model.links)
     place = np.full(layout.n + 1, -1)
     place[layout.border] = np.arange(b)
     i, j = place[layout.links[count:]].T
@@ -259,9 +275,12 @@ def _backward(layout, factor, r, y):
 
 def _solve_border(layout, factor, g, transpose):
     """Motion (b, 2, components) of the border nodes."""
-    b, to_components = len(layout.border), whirl(layout.dof, transpose)
+    b = len(layout.border)
+    to_components = whirl(layout.dof, transpose)
     flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
-    kept, inside, kinds = [], [], _kinds(layout)
+    kept = []
+    inside = []
+    kinds = _kinds(layout)
     for k, (component, (free, keep)) in enumerate(kinds):
         own = take(flat[component].T, np.concatenate([free, keep])).T
         # In the components all blocks are symmetric and stand for Z^T too; only the border, where
@@ -276,7 +295,8 @@ def _solve_border(layout, factor, g, transpose):
     y = lu_solve(factor.border, (factor.weight * rhs)[:, None], transpose)[:, 0]
     y = factor.weight * y
     y = y if factor.motion is None else factor.motion @ y
-    out, used = [], 0
+    out = []
+    used = 0
     for k, (component, (free, keep)) in enumerate(kinds):
         own = y[used : used + len(component) * len(keep)].reshape(len(component), -1)
         used += own.size
@@ -304,7 +324,8 @@ def _touched_numbers(layout):
 
     Their order: x plane, y plane, then axial and torsion.
     """
-    choices, out = [keep for _, (_, keep) in _kinds(layout)], []
+    choices = [keep for _, (_, keep) in _kinds(layout)]
+    out = []
     for plane in range(layout.dof // 2):
         keep = choices[0 if plane < 2 else 1]
         out.append(layout.border[keep // 2] * layout.dof + 2 * plane + keep % 2)
@@ -321,22 +342,26 @@ def _border_motion(layout, arms):
 
 def _links_and_bodies(layout, z):
     """Stiffness of links and bodies on the touched border coordinates."""
-    count, centres = len(z.system.model.links), layout.centres
+    count = len(z.system.model.links)
+    centres = layout.centres
     a, b = layout.links[:count].T
     links = z.links[:count]
     blocks = jnp.concatenate([links, links, -links, -links, z.bodies])
-    rows, columns = np.concatenate([a, b, a, b, centres]), np.concatenate([a, b, b, a, centres])
+    rows = np.concatenate([a, b, a, b, centres])
+    columns = np.concatenate([a, b, b, a, centres])
     size = len(_touched_numbers(layout))
     return _scattered(layout, jnp.zeros((size, size), complex), rows, columns, blocks)
 
 
 def _scattered(layout, matrix, rows, columns, blocks):
     """A matrix over the touched border coordinates with blocks (., dof, dof) of nodes added to it."""
-    dof, size = layout.dof, len(matrix)
+    dof = layout.dof
+    size = len(matrix)
     place = np.full((layout.n + 1) * dof, -1)
     place[_touched_numbers(layout)] = np.arange(size)
     rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in (rows, columns))
-    rows, columns = rows[:, :, None], columns[:, None, :]
+    rows = rows[:, :, None]
+    columns = columns[:, None, :]
     at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
     return add(matrix.reshape(-1), at, blocks).reshape(size, size)
 
@@ -344,6 +369,7 @@ def _scattered(layout, matrix, rows, columns, blocks):
 def _unlane(kept):
     """From components to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
     p, q = kept[0]
-    mean, half = (p + q) / 2, 0.5j * (p - q)
+    mean = (p + q) / 2
+    half = 0.5j * (p - q)
     out = jnp.block([[mean, half], [-half, mean]])
     return out if len(kept) == 1 else jax.scipy.linalg.block_diag(out, kept[1][0])

@@ -206,7 +206,8 @@ def _runs(n, neighbours, border):
     if not border:
         border.add(0)
     inner = {i: neighbours[i] - border for i in range(n) if i not in border}
-    runs, left_over = [], set(inner)
+    runs = []
+    left_over = set(inner)
     for tip in [i for i in inner if len(inner[i]) < 2]:
         if tip not in left_over:
             continue
@@ -219,7 +220,8 @@ def _runs(n, neighbours, border):
             left, right = (*outer, None, None)[:2]
         else:
             far = sorted(neighbours[run[-1]] & border)
-            left, right = (*outer, None)[0], (*far, None)[0]
+            left = (*outer, None)[0]
+            right = (*far, None)[0]
         runs.append((left, tuple(run), right))
     if left_over:
         border.add(min(left_over))

@@ -239,7 +239,8 @@ class MagneticPull(Part):
         self.nodes = tuple(_grounded(pair) for pair in self.nodes)
 
     def __check_init__(self):
-        n, share = len(self.nodes), self.share
+        n = len(self.nodes)
+        share = self.share
         if share is None:
             return
         if share.shape != (n,):
@@ -312,7 +313,8 @@ def _monotone_slopes(x, y):
     w1, w2 = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
     same = d[1:] * d[:-1] > 0
     # Double where: the harmonic mean divides by the slopes, which may be zero.
-    low, high = jnp.where(same, d[:-1], 1.0), jnp.where(same, d[1:], 1.0)
+    low = jnp.where(same, d[:-1], 1.0)
+    high = jnp.where(same, d[1:], 1.0)
     # Flat where the slope changes sign, so that an extremum of the table stays one.
     inner = jnp.where(same, (w1 + w2) / (w1 / low + w2 / high), 0.0)
     # The secants at the ends: with them the cubic stays monotone in the outer intervals as well.

@@ -74,7 +74,8 @@ class RotorModel(Part):
         def nodes(*fields):
             return [n for name in fields for part in getattr(self, name) for n in nodes_of(part)]
 
-        solid, inertias = {*nodes("shafts", "bodies"), None}, {*nodes("disks", "masses")}
+        solid = {*nodes("shafts", "bodies"), None}
+        inertias = {*nodes("disks", "masses")}
         ends = nodes("links", "magnetic_pulls")
         loose = inertias - solid - {*ends}
         hanging = {node for node in ends if ends.count(node) == 1} - solid - inertias
@@ -154,7 +155,8 @@ def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
     for start in steps:
         if any(start in group for group in groups):
             continue
-        places, waiting = {start: np.zeros(3)}, [start]
+        places = {start: np.zeros(3)}
+        waiting = [start]
         while waiting:
             here = waiting.pop(0)
             for there, step in steps[here]:

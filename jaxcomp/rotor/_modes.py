@@ -82,7 +82,8 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     if with_links:
         a, b = layout.links.T
         links = jnp.stack(link_matrices(system, spin_speed))
-        rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+        rows = np.concatenate([a, b, a, b])
+        columns = np.concatenate([a, b, b, a])
         links = jnp.concatenate([links, links, -links, -links], 1)
         k, c = (x.at[rows, columns].add(y, mode="drop") for x, y in zip((k, c), links, strict=True))
     units = np.eye(n * dof)[layout.active.reshape(-1)].reshape(-1, n, dof)
@@ -99,7 +100,9 @@ _PLANES = np.zeros((5, 3, 3))
 _PLANES[:2, :2, :2] = np.eye(2)
 _PLANES[2, 0, 1], _PLANES[2, 1, 0] = 1.0, -1.0
 _PLANES[3:, 2, 2] = 1.0
-_STIFFNESS, _INERTIA, _POLAR = np.array([0, 3]), np.array([1, 4]), np.array([2])
+_STIFFNESS = np.array([0, 3])
+_INERTIA = np.array([1, 4])
+_POLAR = np.array([2])
 
 
 class Modes(Result, eqx.Module):
@@ -185,7 +188,8 @@ def _found(system, full, count, spin_speed, free) -> Modes:
     # From x^T M x = mu to unit modal mass.
     x = x[:, :count] / jnp.sqrt(mu[:count])
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
-    none, still = jnp.zeros((0, system.dof, system.dof)), jnp.zeros(())
+    none = jnp.zeros((0, system.dof, system.dof))
+    still = jnp.zeros(())
     if free:
         z = Operator(system, none, none, still, spin_speed)
     else:
@@ -208,7 +212,8 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
     ratio = system.model.damping.ratio  # pyright: ignore[reportAttributeAccessIssue, reportOptionalMemberAccess]
     if ratio.shape[0] > layout.size:
         raise BadInput("damping.ratio", ratio, f"at most one value for each of {layout.size} modes")
-    full, active = matrices(system), np.flatnonzero(layout.active)
+    full = matrices(system)
+    active = np.flatnonzero(layout.active)
     modes = _found(system, full, ratio.shape[0], jnp.zeros(()), False)
     motion = modes.shape.reshape(ratio.shape[0], -1)[:, active]
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (motion @ full.mass)
@@ -249,7 +254,8 @@ def mode_derivatives(
         free: leave out all links and magnetic pulls.
     """
     if free:
-        model, direction = released(model), released(direction)  # pyright: ignore[reportAssignmentType]
+        model = released(model)  # pyright: ignore[reportAssignmentType]
+        direction = released(direction)  # pyright: ignore[reportAssignmentType]
     return _mode_derivatives(model, direction, count, free)
 
 

@@ -110,7 +110,8 @@ class RotorModes(Result):
         Args:
             place: of the speed, from 0.
         """
-        names, words = node_names(self.model), subset_names(self.model)
+        names = node_names(self.model)
+        words = subset_names(self.model)
         groups = [np.array([names.index(n) for n in group]) for group in subsets(self.model)]
         size = np.abs(np.asarray(self.modes[place].shape))[..., :2].max(-1)
         return [

@@ -51,11 +51,14 @@ class Operator(NamedTuple):
 
         Real unless the structure itself is damped.
         """
-        w, stiff = self.frequency, jnp.ones_like(self.frequency)
-        inert, turn = -(w**2), w * self.spin_speed
+        w = self.frequency
+        stiff = jnp.ones_like(self.frequency)
+        inert = -(w**2)
+        turn = w * self.spin_speed
         if self.system.damping is not None:
             alpha, beta = self.system.damping
-            stiff, inert = stiff + 1j * w * beta, inert + 1j * w * alpha
+            stiff = stiff + 1j * w * beta
+            inert = inert + 1j * w * alpha
         # + 0 makes the gyroscopic term complex where structural damping makes the others so.
         terms = jnp.stack([stiff, inert, turn + 0 * inert])
         lateral = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
@@ -76,7 +79,8 @@ def operator_at(
 
 def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Complex[Array, "n p 2"]:
     """Z x, or Z^T x."""
-    system, active = z.system, jnp.asarray(z.system.layout.moving)
+    system = z.system
+    active = jnp.asarray(z.system.layout.moving)
     inside = follow(system, jnp.where(active, x, 0.0))
     f = collect(system, _node_forces(z, inside, transpose))
     if system.modal is not None:
@@ -87,9 +91,12 @@ def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Comple
 
 def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
     """Forces on all nodes, each where it acts, for the motion of all nodes; without modal damping."""
-    layout, links, bodies = z.system.layout, z.links, z.bodies
+    layout = z.system.layout
+    links = z.links
+    bodies = z.bodies
     if transpose:
-        links, bodies = jnp.swapaxes(links, 1, 2), jnp.swapaxes(bodies, 1, 2)
+        links = jnp.swapaxes(links, 1, 2)
+        bodies = jnp.swapaxes(bodies, 1, 2)
     f = add_links(layout, elastic_force(z, x, transpose), links, x)
     if not len(bodies):
         return f
@@ -101,7 +108,8 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
 def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
     """Forces of shafts, disks and masses, in components and back."""
     system = z.system
-    pairs, to_components = system.layout.pairs, whirl(system.dof, transpose)
+    pairs = system.layout.pairs
+    to_components = whirl(system.dof, transpose)
     components = jnp.einsum("lp,npk->nlk", to_components, x)
     terms = z.coefficients
     node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
@@ -109,7 +117,8 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
     if len(pairs):
         ends = take(components, pairs)  # (e, 2, l, 2)
         # Relative rotation and transverse deformation, subtracted before anything else.
-        difference, turn = ends[:, 1] - ends[:, 0], ends[:, 0, :, 1] + ends[:, 1, :, 1]
+        difference = ends[:, 1] - ends[:, 0]
+        turn = ends[:, 0, :, 1] + ends[:, 1, :, 1]
         bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
         stiff = 1.0 if system.damping is None else terms[0, 0]
         load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
@@ -141,8 +150,10 @@ def link_force(layout: Layout, links: Array, x: Array) -> Array:
 
 def scale(z: Operator) -> Float[Array, "n p 2"]:
     """Positive diagonal by which Z is made dimensionless: |K_ii| + w |C_ii| + w^2 M_ii."""
-    system, w = z.system, z.frequency
-    layout, dof = system.layout, system.dof
+    system = z.system
+    w = z.frequency
+    layout = system.layout
+    dof = system.dof
     square = w**2
     node = jnp.einsum("niiq->niq", system.inertia)
     own = jnp.einsum("eiiq->eiq", system.elements).reshape(-1, 2, 2, node.shape[-1])
@@ -177,8 +188,10 @@ def reactions(
 
     From the motion of all nodes, and the load before it is collected.
     """
-    system, layout = z.system, z.system.layout
-    dof, holds = layout.dof, layout.ties.holds
+    system = z.system
+    layout = z.system.layout
+    dof = layout.dof
+    holds = layout.ties.holds
     arms = body_arms(system.model.bodies, dof)
     nodes = np.array(layout.slaved, int).reshape(-1, 2).T
     # Only bodies collect here: the forces on lost coordinates are what the conditions have to hold.

@@ -10,7 +10,8 @@ from ._conventions import add, take
 from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
 
 # components of a block turned over, and those of a symmetric one
-TURNED, _SYMMETRIC = np.array([0, 2, 1, 3]), np.array([0, 1, 3])
+TURNED = np.array([0, 2, 1, 3])
+_SYMMETRIC = np.array([0, 1, 3])
 
 
 class Places(NamedTuple):
@@ -29,7 +30,9 @@ class Places(NamedTuple):
 
 def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     """Bring the matrices of elements (e, 4, 4, .) and nodes (n, 2, 2, .) to their places."""
-    b, s, terms = len(layout.border), layout.last.shape[1], inertia.shape[-1]
+    b = len(layout.border)
+    s = layout.last.shape[1]
+    terms = inertia.shape[-1]
     m, c = layout.segment.shape
     blocks = elements.reshape(-1, 2, 2, 2, 2, terms)  # (e, end, component, end, component, .)
     ends = jnp.stack([blocks[:, 0, :, 0], blocks[:, 1, :, 1]], 1)
@@ -42,7 +45,8 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     zero = lambda rows: jnp.zeros((rows, 4, terms))  # noqa: E731
     at = kind == BORDER
     own = np.arange(b) * (b + 1)
-    one, two = first[at] * b + second[at], second[at] * b + first[at]
+    one = first[at] * b + second[at]
+    two = second[at] * b + first[at]
     joined = take(off, np.flatnonzero(at))
     values = jnp.concatenate([take(diagonal, layout.border), joined, joined[:, TURNED]])
     border = add(zero(b * b), np.concatenate([own, one, two]), values)

@@ -17,7 +17,8 @@ def prepare(model: RotorModel | System) -> System:
 
 @eqx.filter_jit
 def _prepare(model) -> System:
-    system, modal = bare(model), None
+    system = bare(model)
+    modal = None
     if isinstance(model.damping, ModalDamping):
         modal = modal_damping_vectors(system)
     places = sort_places(system.layout, system.elements, system.inertia)

@@ -64,7 +64,8 @@ class Response(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the order is frequency over speed."""
         *_, nodes, dof = np.shape(self.displacement)
-        spin, frequency = np.asarray(self.spin_speed), np.asarray(self.frequency)
+        spin = np.asarray(self.spin_speed)
+        frequency = np.asarray(self.frequency)
         at = ("order", "speed")[2 - spin.ndim :] if spin.ndim <= 2 else ("order", "speed")
         if spin.ndim == 2:  # of `respond`: the same speeds at every order
             order = np.round(frequency[:, :1] / np.where(spin[:, :1] == 0, np.inf, spin[:, :1]))
@@ -149,7 +150,8 @@ def harmonic_response(
     """
     _check(model, force, spin_speed=spin_speed, frequency=frequency)
     # As arrays, because a Python number would be compiled in.
-    spin_speed, frequency = jnp.asarray(spin_speed, float), jnp.asarray(frequency, float)
+    spin_speed = jnp.asarray(spin_speed, float)
+    frequency = jnp.asarray(frequency, float)
     return _harmonic(model, jnp.asarray(force, complex), spin_speed, frequency, solver)
 
 
@@ -224,8 +226,10 @@ def receptance(
         frequency: [rad/s]
         solver: "structured" or "dense".
     """
-    spin_speed, frequency = jnp.asarray(spin_speed, float), jnp.asarray(frequency, float)
-    inputs, outputs = jnp.asarray(inputs, complex), jnp.asarray(outputs)
+    spin_speed = jnp.asarray(spin_speed, float)
+    frequency = jnp.asarray(frequency, float)
+    inputs = jnp.asarray(inputs, complex)
+    outputs = jnp.asarray(outputs)
     return _receptance(model, inputs, outputs, spin_speed, frequency, solver)
 
 
@@ -314,9 +318,11 @@ def _keep_motion(primitive, *_, **__):
 
 
 def _answer(z, solve, force) -> Response:
-    dof, force = z.system.dof, to_planes(force, z.system.dof)
+    dof = z.system.dof
+    force = to_planes(force, z.system.dof)
     s = solve(collect(z.system, force))
-    x, held = follow(z.system, s.x), None
+    x = follow(z.system, s.x)
+    held = None
     if z.system.layout.ties.holds:
         # From the load where it acts, not as it is collected: a held node keeps its own part.
         held = reactions(z, x, force)
@@ -369,7 +375,8 @@ def orbit(x: Complex[Array, "*batch"], y: Complex[Array, "*batch"]) -> WhirlOrbi
         y: [m] amplitude of u_y.
     """
     # Re[z] = (z + conj z)/2 on both axes: what turns with e^{-i w t} comes from the conjugates.
-    forward, backward = (x + 1j * y) / 2, jnp.conj((x - 1j * y) / 2)
+    forward = (x + 1j * y) / 2
+    backward = jnp.conj((x - 1j * y) / 2)
     f, b = magnitude(forward), magnitude(backward)
     # Half the angle of F B is that of the major axis; where one of them is zero the orbit is a
     # circle without one.

@@ -78,7 +78,8 @@ THEORIES = ("timoshenko", "rayleigh", "euler-bernoulli")
 # Gauss points on (0, 1). Four are exact for the mass of a uniform element (degree six); the rest is
 # for cones: with eight a 2:1 taper is integrated to 1e-9.
 _POINTS, _WEIGHTS = (np.polynomial.legendre.leggauss(8)[i] for i in (0, 1))
-_POINTS, _WEIGHTS = (_POINTS + 1) / 2, _WEIGHTS / 2
+_POINTS = (_POINTS + 1) / 2
+_WEIGHTS = _WEIGHTS / 2
 
 
 class ShaftElements(Part):
@@ -220,7 +221,8 @@ def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
     kinds: dict[tuple, list[int]] = {}
     for number, shaft in enumerate(shafts):
         kinds.setdefault((shaft.theory, shaft.shear_law, shaft.spins), []).append(number)
-    found, places = [], []
+    found = []
+    places = []
     for kind, numbers in kinds.items():
         columns = zip(*(_columns(shafts[number]) for number in numbers), strict=True)
         one = lambda *args, kind=kind: _element(*kind, *args)  # noqa: E731
@@ -262,7 +264,8 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     s, w = jnp.asarray(_POINTS), length * jnp.asarray(_WEIGHTS)
     a, i, bend, slack = section(s)
     z = length * (s - 0.5)
-    f11, f12 = jnp.sum(w * bend), -jnp.sum(w * z * bend)
+    f11 = jnp.sum(w * bend)
+    f12 = -jnp.sum(w * z * bend)
     f22 = jnp.sum(w * (z**2 * bend + slack))
     lateral = jnp.array([[f22, -f12], [-f12, f11]]) / (f11 * f22 - f12**2)
 
@@ -272,7 +275,8 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     start = moment + force * length / 2  # bending moment at the left node
     r, v = s[:, None] * s[None, :], s[:, None] * w[None, :]  # points and weights of (0, s)
     _, _, bend_r, slack_r = section(r)
-    x, rest = length * r, length * (s[:, None] - r)
+    x = length * r
+    rest = length * (s[:, None] - r)
     turn = jnp.sum(v * bend_r, 1)[:, None] * start - jnp.sum(v * bend_r * x, 1)[:, None] * force
     sag = jnp.sum(v * rest * bend_r, 1)[:, None] * start
     # Shear adds Q/(kappa G A) to the slope of the axis and nothing to the rotation phi.
@@ -285,7 +289,8 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     mass = jnp.einsum("q,qi,qj->ij", w * density * a, u, u) + rotary
     polar = 2 * rotary if spins else jnp.zeros_like(rotary)
 
-    stretch, twist = 1 / (young * a), 1 / (2 * shear * i)
+    stretch = 1 / (young * a)
+    twist = 1 / (2 * shear * i)
     total = jnp.stack([jnp.sum(w * stretch), jnp.sum(w * twist)])
     part = jnp.stack(
         [jnp.sum(v / (young * section(r)[0]), 1), jnp.sum(v / (2 * shear * section(r)[1]), 1)]

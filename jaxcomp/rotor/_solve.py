@@ -28,10 +28,13 @@ NO_CRANK = 5  # by itself, for the pages of the reference
 # A relative correction beyond these after refinement means that fewer than seven (three) digits
 # hold. The amplification is the ratio of response to load with Z scaled to a unit diagonal: at
 # 1e13 a rounding of the data moves the answer by a per mille.
-INACCURATE_CORRECTION, SINGULAR_CORRECTION, SINGULAR_AMPLIFICATION = 1e-7, 1e-3, 1e13
+INACCURATE_CORRECTION = 1e-7
+SINGULAR_CORRECTION = 1e-3
+SINGULAR_AMPLIFICATION = 1e13
 # Refinement ends once a correction is below the root of the rounding: the error contracts by this
 # ratio or better in every step. Two steps are enough for any system that is not reported as singular.
-_SMALL_CORRECTION, _STEPS = 1e-8, 3
+_SMALL_CORRECTION = 1e-8
+_STEPS = 3
 
 
 class Solution(NamedTuple):

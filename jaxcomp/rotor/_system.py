@@ -82,7 +82,8 @@ def bare(model: RotorModel | System) -> System:
     """The prepared model without modal damping, which the undamped modes define."""
     if isinstance(model, System):
         return replaced(model, modal=None)
-    layout, dof = layout_of(model), model.dof
+    layout = layout_of(model)
+    dof = model.dof
     strain, half, elements = _elements(model, layout)
     number = {name: i for i, name in enumerate(layout.names)}
     inertia = jnp.zeros((layout.n, 2, 2, elements.shape[-1]))
@@ -133,7 +134,8 @@ def _elements(model, layout):
             jnp.zeros((0, 4, 4, terms)),
         )
     el = element_matrices(model.shafts)
-    strain, half = jnp.einsum("eki,ekl->eil", el.shape, el.lateral), el.length / 2
+    strain = jnp.einsum("eki,ekl->eil", el.shape, el.lateral)
+    half = el.length / 2
     bend = jnp.einsum("eik,ekj->eij", strain, el.shape)
     if components == 2:
         full = jnp.stack([bend, el.mass, el.polar], -1)
@@ -152,7 +154,10 @@ def link_matrices(
     system: System, spin_speed: Float[Array, ""]
 ) -> tuple[Float[Array, "l dof dof"], Float[Array, "l dof dof"]]:
     """Stiffness and damping of all links, then of the magnetic pulls, at a spin speed [rad/s]."""
-    dof, values, places, used = system.dof, [], [], 0
+    dof = system.dof
+    values = []
+    places = []
+    used = 0
     order, signs = coordinates(dof)
     for link, (k, c) in zip(system.model.links, _laws(system.model.links, spin_speed), strict=True):
         own, there = axis_numbers(dof, link.axes)
@@ -209,7 +214,8 @@ def _laws(links, spin_speed):
 
 def follow(system: System, x: Array) -> Array:
     """Motion with the slaved nodes put where their bodies take them."""
-    layout, shape = system.layout, x.shape[1:]
+    layout = system.layout
+    shape = x.shape[1:]
     if layout.own.all():
         return x
     node, master = layout.ties.nodes

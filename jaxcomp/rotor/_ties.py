@@ -121,7 +121,8 @@ def _solved(n, dof, slaved, arms, holds):
     }
     own = np.ones((n, dof), bool)
     own[[node for node, _ in slaved]] = False
-    centres, done = {centre for _, centre in slaved}, []
+    centres = {centre for _, centre in slaved}
+    done = []
     for hold in holds:
         gap: dict = {}
         for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
@@ -130,7 +131,8 @@ def _solved(n, dof, slaved, arms, holds):
         # Chosen once, for arms of no particular place: the layout must not depend on numbers.
         if hold.node < 0:
             hold = _with_lost(hold, gap, own, centres)
-        node, lost = hold.node, hold.coordinate
+        node = hold.node
+        lost = hold.coordinate
         others = eye[lost] == 0
         rest = {master: -hold.sign * row for master, row in gap.items()}
         rest[node] = rest[node] * others

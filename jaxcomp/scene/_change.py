@@ -47,7 +47,8 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
     from ..study import variable
     from ..study.interface import by_name  # only who changes a scene needs the studies
 
-    given, designed = {}, {}
+    given = {}
+    designed = {}
     for path, value in changes.items():
         is_designed = path in DESIGN_RULES or path.startswith("corrections.")
         (designed if is_designed else given)[path] = value
@@ -155,7 +156,8 @@ def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
     Raises:
         SceneError: a value outside its bound, or a part that a file cannot describe.
     """
-    old, document = scene.machine, dict(scene.document)
+    old = scene.machine
+    document = dict(scene.document)
 
     def renewed(tables, olds, news):
         return {name: _updated(tables[name], olds[name], new, source) for name, new in news.items()}
@@ -259,7 +261,8 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
     kept = copy.deepcopy(dict(table)) if same or old is None else {}
     out = kept if same else kept | {"type": _describable(type(new))}
     for name, entry in entries(type(new)).items():
-        before, after = getattr(old, name, None) if same else None, getattr(new, name)
+        before = getattr(old, name, None) if same else None
+        after = getattr(new, name)
         if after is None:
             out.pop(name, None)
         elif isinstance(entry, Section) and entry.rows:
@@ -283,7 +286,8 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
 def _updated_rows(rows: list, before: Any, after: Any, source: str) -> list:
     """A list of sections that describe some parts; all are new where their number differs."""
     if not before or len(before) != len(after) or not rows:
-        rows, before = [{}] * len(after), [None] * len(after)
+        rows = [{}] * len(after)
+        before = [None] * len(after)
     return [
         one.name if isinstance(one, NamedBearing) else _updated(row, was, one, source)
         for row, was, one in zip(rows, before, after, strict=True)

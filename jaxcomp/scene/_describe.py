@@ -59,7 +59,8 @@ def describe(scene: Scene) -> tuple[DescribedValue, ...]:
         rows += _rows(scene, machine.compressor, scene.document, "")
     for section in NAMED:
         for name, part in getattr(machine, section).items():
-            path, table = f"{section}.{name}", scene.document[section][name]
+            path = f"{section}.{name}"
+            table = scene.document[section][name]
             rows += [_type(part, table, path), *_rows(scene, part, table, path)]
     for name, part in machine.parts.items():
         rows += _rows(scene, part, scene.document[name], name)
@@ -69,14 +70,16 @@ def describe(scene: Scene) -> tuple[DescribedValue, ...]:
 def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[DescribedValue]:
     told = meanings(type(part))
     for name, entry in entries(type(part)).items():
-        value, here = getattr(part, name), join(path, name)
+        value = getattr(part, name)
+        here = join(path, name)
         if value is None:
             continue
         if isinstance(entry, Section):
             several = len(choices(entry.classes)) > 1 and not entry.rows
             parts, tables = (value, table.get(name)) if entry.rows else ([value], [table[name]])
             for place, one in enumerate(parts):
-                given, at = tables[place], f"{here}.{place}" if entry.rows else here
+                given = tables[place]
+                at = f"{here}.{place}" if entry.rows else here
                 if isinstance(one, NamedBearing):
                     source = scene.sources.get(at, "")
                     yield DescribedValue(at, _written(given, at), one.name, "", source, told[name])
@@ -89,7 +92,8 @@ def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[Described
             source = scene.sources.get(here, "default")
             unit = ""
             if isinstance(entry, Number):
-                value, unit = np.asarray(value), entry.unit
+                value = np.asarray(value)
+                unit = entry.unit
             yield DescribedValue(here, given, value, unit, source, told[name])
 
 
@@ -140,7 +144,8 @@ _SLIDER_CRANK: tuple[_Ratio, ...] = (
 
 def _throw_balance(c: Any) -> float:
     """Largest unbalance of a throw over that of its pistons and rods at the crank pin."""
-    m, shaft = c.mechanism, c.crankshaft
+    m = c.mechanism
+    shaft = c.crankshaft
     one = (m.piston_mass + m.conrod_mass) * m.crank_radius
     carried = shaft.of_throws(np.broadcast_to(one, (shaft.count,)))
     return max(abs(u) / all_ for u, all_ in zip(shaft.unbalances(m), carried, strict=True))
@@ -207,12 +212,14 @@ def _of_numbers(
     where: str, part: Part, rows: dict[str, DescribedValue]
 ) -> Iterator[ImplausibleValue]:
     for name, field in quantities(part):
-        path, usual = join(where, name), field.metadata["usual"]
+        path = join(where, name)
+        usual = field.metadata["usual"]
         if usual is None or path not in rows:  # such as a bearing that a joint names
             continue
         sizes = np.abs(np.asarray(rows[path].value, float))
         if np.any((sizes > 0) & ((sizes < usual[0]) | (sizes > usual[1]))):
-            given, unit = rows[path].given, field.metadata["unit"]
+            given = rows[path].given
+            unit = field.metadata["unit"]
             what = f"{rows[path].value} {unit}".rstrip() if given is None else f"{given}"
             low, high = (shown(name, unit, end).text(end) for end in usual)
             yield ImplausibleValue(path, what, f"{low} to {high}" if usual[0] else f"up to {high}")
@@ -263,7 +270,8 @@ def left_out(scene: Scene) -> tuple[str, ...]:
     """Parts that a machine file does not describe, and so is computed without, each in words with its
     key.
     """
-    compressor, out = scene.machine.compressor, []
+    compressor = scene.machine.compressor
+    out = []
     if compressor is None:
         out.append("the crank drive [mechanism]")
     else:

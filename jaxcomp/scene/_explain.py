@@ -158,7 +158,8 @@ def _explained(part: type[Part], where: Places) -> Explained:
     }
     listed = []
     for name, entry in entries(part).items():
-        default, unit = "", ""
+        default = ""
+        unit = ""
         if isinstance(entry, Section):
             bound = ("rows of " if entry.rows else "") + " or ".join(choices(entry.classes))
             line = _section_example(entry, name, where)
@@ -236,7 +237,8 @@ def _example(part: type[Part], name: str, entry: Number | Option, given: Any) ->
         for usual in (by_name, _default_of(part, name, entry), _BY_UNIT.get(entry.unit)):
             if usual is not None and _may_stand(entry, usual, name):
                 return np.full(shape, usual).tolist()
-        low, high = entry.bound.low, entry.bound.high
+        low = entry.bound.low
+        high = entry.bound.high
         inside = (low + high) / 2 if np.isfinite(low + high) else max(low, min(high, 0.0)) + 1.0
         value = 1.0 if _inside(entry, 1.0) else inside
         return as_text(np.full(shape, value), entry.unit)

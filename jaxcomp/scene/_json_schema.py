@@ -57,7 +57,8 @@ def _object(properties: Mapping[str, Any], **more: Any) -> dict[str, Any]:
 
 def _properties(part: type[Part], parts: dict[str, Any]) -> dict[str, Any]:
     """Schema of each key of a section, with its meaning."""
-    told, found = meanings(part), {}
+    told = meanings(part)
+    found = {}
     for name, entry in entries(part).items():
         if isinstance(entry, Number | Option):
             words = meaning(entry, told[name])
@@ -102,7 +103,8 @@ def _number(entry: Number, name: str, unit_given: bool) -> list[Any]:
 
 def _shaped(entry: Number, single: list[Any]) -> list[Any]:
     """A number or the lists that may stand for it."""
-    one, shape = _any(single), entry.shape
+    one = _any(single)
+    shape = entry.shape
     if shape == (...,):
         return [*single, {"type": "array"}]
     rows = one

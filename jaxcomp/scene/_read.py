@@ -130,7 +130,8 @@ class Reader:
         for key in [key for key in table if key not in known]:
             if join(path, key) in self.stale:
                 del table[key]  # pyright: ignore[reportIndexIssue]
-        before, meant = len(self.problems), set()
+        before = len(self.problems)
+        meant = set()
         for key, value in table.items():
             if key not in known and key not in _META and key not in ignored:
                 few = len(self.problems) < MOST_HINTS
@@ -198,7 +199,8 @@ def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
         raise SceneError(join(path, "type"), f"is missing; it must be one of: {words}")
     word = table["type"]
     if not isinstance(word, str) or word not in known:
-        words, near = ", ".join(sorted(known)), ""
+        words = ", ".join(sorted(known))
+        near = ""
         if isinstance(word, str):
             near = did_you_mean(word, known)
             near = near if "did you mean" in near else ""

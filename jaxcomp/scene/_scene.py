@@ -119,10 +119,12 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     if not isinstance(name_or_path, str | os.PathLike):
         what = f"a {type(name_or_path).__name__}"
         raise SceneError("machine", "must be the name of a bundled machine or of a file", what)
-    given, known = os.fspath(name_or_path), bundled("machines")
+    given = os.fspath(name_or_path)
+    known = bundled("machines")
     path = Path(given)
     if given in known:
-        file, read = f"{given}.toml", known[given].read_bytes
+        file = f"{given}.toml"
+        read = known[given].read_bytes
     elif path.exists():
         file, read = given, lambda: regular(path).read_bytes()
     elif path.suffix == ".toml":
@@ -257,13 +259,15 @@ def _machine(
             reader.problems.append(SceneError(key, "must be a text", document[key]))
     unknown = [key for key in document if key not in sections]
     for key in unknown:
-        what, near = "section" if is_section(document[key]) else "key", ""
+        what = "section" if is_section(document[key]) else "key"
+        near = ""
         if len(reader.problems) < MOST_HINTS:
             places = " or ".join(f'"{place}"' for place in places_of(document, key))
             near = f"; did you mean {places}?" if places else did_you_mean(key, sections)
         reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
     source = document.get("source")
-    compressor, parts = None, {}
+    compressor = None
+    parts = {}
     if any(key in own for key in document) or not any(key in SECTIONS for key in document):
         ignored = frozenset((*HEADER, *SECTIONS, *NAMED, *unknown))
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)

@@ -116,7 +116,9 @@ def decoded(content: bytes) -> str:
 
 def table_text(text: str) -> TableText:
     """Settings, heads and rows of a text; see `read_table_text`."""
-    lines, settings, separator = [], [], None
+    lines = []
+    settings = []
+    separator = None
     for number, line in enumerate(text.split("\n"), 1):
         beside = _line_beside_table(line)
         if beside is not None:

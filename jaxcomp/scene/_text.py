@@ -48,7 +48,10 @@ class SceneError(ValueError):
         file: str = "",
         others: Iterable["SceneError"] = (),
     ):
-        self.key, self.problem, self.value, self.file = key, problem, value, file
+        self.key = key
+        self.problem = problem
+        self.value = value
+        self.file = file
         self.others = tuple(others)
         key = cut(key, 200)
         problem = cut(problem, _LONGEST_PROBLEM)

@@ -110,10 +110,12 @@ def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bo
         if comma := _DECIMAL_COMMA.fullmatch(given):
             point = f"{comma[1]}.{comma[2]}"
             raise SceneError(key, f'has a decimal comma; write "{point}"', given)
-        number, given_unit = float(match[1]), match[2]
+        number = float(match[1])
+        given_unit = match[2]
     else:
         # a whole number has as many digits as the file gives it
-        number, given_unit = float(given) if abs(given) < 1e308 else math.inf, ""
+        number = float(given) if abs(given) < 1e308 else math.inf
+        given_unit = ""
     if not math.isfinite(number):
         raise SceneError(key, "must be finite", given)
     given_unit = given_unit or default_unit or ""
@@ -164,7 +166,8 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
         return 1.0
     if (given_unit, unit) in FREQUENT:
         return FREQUENT[given_unit, unit]
-    source, target = _parsed(given_unit), _parsed(unit)
+    source = _parsed(given_unit)
+    target = _parsed(unit)
     advice = _advice(given_unit, unit, given)
     if advice:
         raise SceneError(key, advice, given)

@@ -25,9 +25,12 @@ from ..study import ModalTest
 from ._text import SceneError
 
 _AXES = {1: "ux", 2: "uy", 3: "uz"}
-_SHAPES, _FUNCTIONS = 55, 58  # data sets
+# data sets
+_SHAPES = 55
+_FUNCTIONS = 58
 # Kinds of analysis in data set 55: normal modes have a frequency, complex ones an eigenvalue.
-_NORMAL, _COMPLEX = (2,), (3, 7)
+_NORMAL = (2,)
+_COMPLEX = (3, 7)
 _RESPONSE = 4  # function type of data set 58
 # Other functions that analysers write beside responses, for notes.
 _FUNCTION_NAMES = {
@@ -38,7 +41,8 @@ _FUNCTION_NAMES = {
 # nothing. Peaks of a response are modes where motion is over force; over motion, or of force, they are
 # none of the whole machine.
 _MOTIONS = {8: 0, 11: 1, 12: 2}
-_FORCES, _UNSAID = (9, 13), (0, 1)
+_FORCES = (9, 13)
+_UNSAID = (0, 1)
 # [Hz] Of abscissae by their label, where that is no blank.
 _HERTZ = {"hz": 1.0, "1/s": 1.0, "cps": 1.0, "khz": 1e3, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60,
           "1/min": 1 / 60, "cpm": 1 / 60}  # fmt: skip
@@ -46,9 +50,12 @@ _DELIMITER = re.compile(rb"^ {4}-1\s*$", re.MULTILINE)
 _LARGEST = 200_000_000  # bytes
 # A peak stands above its surroundings by this share of itself, above this share of the highest, and above
 # so many times the noise, which is what the second differences of the responses show.
-_STANDS_OUT, _HEIGHT, _NOISE = 0.5, 1e-3, 8.0
+_STANDS_OUT = 0.5
+_HEIGHT = 1e-3
+_NOISE = 8.0
 # Points of a peak are those above this share of its amplitude; so many are needed.
-_NEAR, _LEAST = 0.5, 4
+_NEAR = 0.5
+_LEAST = 4
 
 DataSet = Mapping[str, Any]
 
@@ -360,7 +367,8 @@ def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDA
     peaks = peaks[stands]
     if not peaks.size:
         raise SceneError("", "has responses without a peak")
-    out, shapes = [], []
+    out = []
+    shapes = []
     for peak in peaks:
         first = last = peak
         while first > 0 and _NEAR * size[peak] < size[first - 1]:
@@ -368,7 +376,8 @@ def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDA
         while last < hertz.size - 1 and _NEAR * size[peak] < size[last + 1]:
             last += 1
         if last - first + 1 < _LEAST:
-            first, last = max(peak - 2, 0), min(peak + 2, hertz.size - 1)
+            first = max(peak - 2, 0)
+            last = min(peak + 2, hertz.size - 1)
         if last - first + 1 < _LEAST:
             bound = f"has {last - first + 1} points on the peak at {hertz[peak]:.4g} Hz, where"
             raise SceneError("", f"{bound} {_LEAST} are the least")
@@ -380,16 +389,19 @@ def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDA
 
 def _one_mode(hertz: NDArray, responses: NDArray) -> tuple[float, NDArray]:
     """Frequency [Hz] and shape (k,) that the responses near a peak share."""
-    count, scale = responses.shape[0], hertz.mean()
+    count = responses.shape[0]
+    scale = hertz.mean()
     s = 1j * hertz / scale
-    rows, right = [], []
+    rows = []
+    right = []
     for k, one in enumerate(responses / np.abs(responses).max()):
         block = np.zeros((hertz.size, 2 + 2 * count), complex)
         block[:, 0], block[:, 1] = one, s * one
         block[:, 2 + 2 * k], block[:, 3 + 2 * k] = -1.0, -s
         rows.append(block)
         right.append(-(s**2) * one)
-    matrix, wanted = np.concatenate(rows), np.concatenate(right)
+    matrix = np.concatenate(rows)
+    wanted = np.concatenate(right)
     # the first two real, the others complex
     whole = np.concatenate([matrix[:, :2], matrix[:, 2:], 1j * matrix[:, 2:]], axis=1)
     both = np.concatenate([np.real(whole), np.imag(whole)])

@@ -196,7 +196,8 @@ def _move_bearings(
     support.entries += _support(document, names, rows)
     support.above += [line for (one,) in filter(None, taken) for line in one.lines[:-1]]
     for row in rows:
-        row.name, row.row = "crankshaft.main_journal.bearings", True
+        row.name = "crankshaft.main_journal.bearings"
+        row.row = True
 
 
 def _place(sections: list[_Section], shaft: _Section, support: _Section) -> None:
@@ -221,10 +222,12 @@ def upgraded_path(path: str) -> str:
 
 
 def _split(text: str) -> list[_Section]:
-    sections, waiting = [_Section()], []
+    sections = [_Section()]
+    waiting = []
     lines = iter(text.splitlines(keepends=True))
     for line in lines:
-        header, key = _HEADER.match(line), _KEY.match(line)
+        header = _HEADER.match(line)
+        key = _KEY.match(line)
         if header:
             sections.append(_Section(waiting, header[1] == "[[", header[2], header[3] or ""))
             waiting = []
@@ -308,7 +311,8 @@ def _made(document: Mapping[str, Any], mechanism: _Section) -> list[_Entry]:
 
 def _support(document: Mapping[str, Any], names: list[str], rows: list) -> list[_Entry]:
     """The main bearings of a slider-link machine from its upper and lower bearing."""
-    friction, given = document["friction"], document.get("mechanism", {})
+    friction = document["friction"]
+    given = document.get("mechanism", {})
     made = [_Entry("type", ['type = "main_bearings"\n'])]
     if not rows:
         laws = [friction[name] for name in names]

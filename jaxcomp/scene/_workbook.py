@@ -91,7 +91,8 @@ def _text(cell: Any, with_formula: Any) -> str:
     Raises:
         SceneError: a formula without a value.
     """
-    value, place = cell.value, cell.coordinate
+    value = cell.value
+    place = cell.coordinate
     if value is None:
         if with_formula.value is None:
             return ""

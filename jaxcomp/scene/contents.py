@@ -21,7 +21,8 @@ _CORRECTIONS = {
 
 def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
     """Type of each part of a machine, and how many values it has, by default and without a source."""
-    rows, found = describe(scene), {}
+    rows = describe(scene)
+    found = {}
     words = {row.path: row.value for row in rows if row.path.endswith(".type")}
     for name in (name for name, one in scene.document.items() if isinstance(one, dict | list)):
         own = [r for r in rows if r.path.startswith(f"{name}.") and r.path not in words]
@@ -54,12 +55,14 @@ def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
     def meaning(name: str) -> str:
         if name.startswith("corrections."):
             return _CORRECTIONS[name.rpartition(".")[2]]
-        count, doc = list_length(machine, name), docs.get(name, "")
+        count = list_length(machine, name)
+        doc = docs.get(name, "")
         return f"{doc} (factor on all {count})".strip() if count else doc
 
     found = {}
     for name in variable_names(machine):
         one = variable(machine, name)
-        value, bound = float(one.current(machine)), str(one.bound)
+        value = float(one.current(machine))
+        bound = str(one.bound)
         found[name] = {"unit": one.unit, "value": value, "bound": bound, "doc": meaning(name)}
     return found

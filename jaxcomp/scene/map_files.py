@@ -34,7 +34,8 @@ def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, AbstractRealGas)
-    told, line = RATINGS[rating], gas.discharge
+    told = RATINGS[rating]
+    line = gas.discharge
     if rating == "file":
         heads = gas.suction.temperature, gas.suction.superheat
         told = Rating(*heads, line.liquid_temperature, line.subcooling)

@@ -180,7 +180,8 @@ def _curve_numbers(cells: Sequence[str]) -> list[float]:
     Raises:
         SceneError: too few of them, or one that is no number.
     """
-    name, numbers = cells[1], cells[2:16]
+    name = cells[1]
+    numbers = cells[2:16]
     if len(numbers) < 14:
         problem = "is a Curve:Bicubic with ten coefficients and four ends of its variables, but has"
         raise SceneError(name, f"{problem} {len(numbers)} numbers")
@@ -205,7 +206,8 @@ def tespy_text(
     """
     ok = np.asarray(found.ok)
     S, D = np.meshgrid(np.asarray(found.evaporating), np.asarray(found.condensing), indexing="ij")
-    S, D = S[ok], D[ok]
+    S = S[ok]
+    D = D[ok]
     flow, power = (np.asarray(found.values[key])[ok] for key in ("mass_flow", "power"))
     density, rise, _ = _states(metadata, fluid, S, D)
     values = {
@@ -374,7 +376,8 @@ def _states_at(fluid: AbstractRealGas, evaporating, condensing, gas, liquid):
     """(n,) of `_states` at n temperatures [K]; one program for all files of a fluid and a size."""
 
     def at_point(evaporating, condensing, gas, liquid):
-        low, high = fluid.saturation(T=evaporating).p, fluid.saturation(T=condensing).p
+        low = fluid.saturation(T=evaporating).p
+        high = fluid.saturation(T=condensing).p
         comes = fluid.state(gas, fluid.density(gas, low))
         rise = fluid.at_entropy(high, comes.s, comes).h - comes.h
         return comes.rho, rise, capacity_rise(fluid, evaporating, condensing, gas, liquid)

@@ -141,7 +141,8 @@ def _trace(name: str, table: TableText, machine: Machine) -> Trace:
 
 def _measured(columns: Columns, units: Mapping[str, str]) -> tuple[NDArray, NDArray]:
     """[SI] (quantities, n) readings, and standard deviations; not a number where not given."""
-    measured, deviations = [], []
+    measured = []
+    deviations = []
     for name, unit in units.items():
         values = columns.values(name, unit)
         deviation = columns.deviations(name, unit, values)
@@ -179,7 +180,9 @@ def _quantities_and_paths(
     heads: Sequence[Head], machine: Machine
 ) -> tuple[dict[str, str], dict[str, str]]:
     """SI units of the quantities and of the numbers of the machine that heads name."""
-    quantities, paths, problems = {}, {}, []
+    quantities = {}
+    paths = {}
+    problems = []
     numbers = variable_names(machine)
     for head in heads:
         if re.match(r"sd\s*\(", head.name, re.IGNORECASE):
@@ -292,7 +295,8 @@ def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:
     size = np.ones(len(columns))
     unit = "m"
     if not columns.has_dimension("amplitude", "m"):  # of a velocity
-        size, unit = 1 / (order * speed), "m/s"
+        size = 1 / (order * speed)
+        unit = "m/s"
     amplitude = size * columns.values("amplitude", unit, may_be_empty=False)
     columns.refuse("amplitude", ~(amplitude >= 0), amplitude, ">= 0")
     deviation = columns.deviations("amplitude", unit, amplitude / size)

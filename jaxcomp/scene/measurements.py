@@ -57,7 +57,8 @@ _ONE_PLANE = "plane"
 _FEW = 8  # runs that a message lists
 _KEPT = {"yes": True, "no": False, "": False}
 # Bounds of what can be measured in any unit; beyond them squares and quotients leave the numbers.
-_SMALLEST, _LARGEST = 1e-30, 1e30
+_SMALLEST = 1e-30
+_LARGEST = 1e30
 
 
 def read_measurements(path: str | os.PathLike) -> Influence:
@@ -121,7 +122,8 @@ class _Table:
 
     def take_reading(self, number: int, cell: dict[str, str]) -> None:
         """The vibration that a line reads, and of the initial run its weight."""
-        run, target = cell["run"], cell["target"]
+        run = cell["run"]
+        target = cell["target"]
         key = (target, round(_number(cell, "speed", self.scale, number), 6))
         own = self.readings.setdefault(run, {})
         if key in own:

@@ -61,11 +61,13 @@ MAP_HEAD = (
 )
 _ALIASES = {"ari": "ahri540", "ahri": "ahri540", "ari540": "ahri540", "en": "en12900"}
 # Points of a polynomial by default, and how close condensing may come to evaporating [K].
-_GRID, _CLOSEST = (5, 4), 15.0
+_GRID = (5, 4)
+_CLOSEST = 15.0
 # Conditions of which a polynomial has a range.
 _RANGES = ("evaporating", "condensing")
 # [K] Beyond them nothing evaporates or condenses in a machine.
-_COLDEST, _HOTTEST = 100.0, 700.0
+_COLDEST = 100.0
+_HOTTEST = 700.0
 
 
 def read_readings(
@@ -162,7 +164,8 @@ def _readings(
     for key, column in conditions.items():
         if key != "speed" and np.isnan(column).any():
             raise SceneError(key, "must be given at every point, and has an empty cell")
-    S, D = conditions["evaporating"], conditions["condensing"]
+    S = conditions["evaporating"]
+    D = conditions["condensing"]
     gas = conditions["return_gas"] if "return_gas" in conditions else S + conditions["superheat"]
     subcooling = conditions.get("subcooling")
     # of a fluid without glide; only the machine's fluid tells the glide of another
@@ -239,7 +242,8 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
         raise SceneError("quantity", f"{problem} that was measured")
     rows = {}
     for number, line in table.rows:
-        given, unit = line[0].strip(), line[1].strip()
+        given = line[0].strip()
+        unit = line[1].strip()
         what = known_name(given, MEASURED)
         if what is None:
             near = did_you_mean(given, MEASURED)
@@ -287,7 +291,9 @@ def sampled(
         return {what: terms_of(count, S, D, turns) @ row for what, row in rows.items()}
 
     step = 0.1  # K
-    values, warmer, hotter = dict(at(S, D)), at(S + step, D), at(S, D + step)
+    values = dict(at(S, D))
+    warmer = at(S + step, D)
+    hotter = at(S, D + step)
     bends = []
     for what, value in values.items():
         if not (value > 0).all():
@@ -323,7 +329,8 @@ def _ends(metadata: Mapping[str, str], key: str) -> tuple[float, float]:
         problem = "has no range in the metadata; give the temperatures to take"
         raise SceneError(key, problem, metadata.get(key))
     size, zero = _scale(key, span.unit or "degC")
-    low, high = span.low * size + zero, span.high * size + zero
+    low = span.low * size + zero
+    high = span.high * size + zero
     if not low < high:
         raise SceneError(key, "must be a range that rises", metadata[key])
     if not (low > _COLDEST and high < _HOTTEST):
@@ -355,7 +362,8 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         found: the result.
     """
     for n, name in enumerate(found.parameters[: found.constants]):
-        value, error = float(found.estimate[n]), float(found.standard_error[n])
+        value = float(found.estimate[n])
+        error = float(found.standard_error[n])
         one = varied(scene.machine, name)
         # a rule or a common factor stands behind several numbers, which say so
         several = (

@@ -67,14 +67,18 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
         SceneError: what cannot be read, a unit of another dimension, or limits that do not rise.
     """
     text = str(text)
-    single, both, two = _SIGMA.fullmatch(text), _BOTH.fullmatch(text), _TWO.fullmatch(text)
+    single = _SIGMA.fullmatch(text)
+    both = _BOTH.fullmatch(text)
+    two = _TWO.fullmatch(text)
     match = single or both or two
     if match is None:
         raise SceneError(key, _FORMS, text)
     *numbers, rest = match.groups()
     words = _WORDS.fullmatch(rest)
     assert words is not None  # it matches any text
-    given_unit, distribution, sigmas = words[1].strip(), words[2] or "normal", words[3] or "3"
+    given_unit = words[1].strip()
+    distribution = words[2] or "normal"
+    sigmas = words[3] or "3"
     if single and (words[2] or words[3]):
         raise SceneError(key, "is a standard deviation, which takes no other word", text)
     relative = given_unit == "%"
@@ -136,7 +140,8 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
         key = f"correlations.{number}"
         if not isinstance(row, dict) or set(row) != {"between", "value"}:
             raise SceneError(key, "must have the entries `between` and `value`")
-        between, value = row["between"], row["value"]
+        between = row["between"]
+        value = row["value"]
         if not isinstance(between, list) or len(between) != 2:
             raise SceneError(f"{key}.between", "must be two names", between)
         pairs[(str(between[0]), str(between[1]))] = float(to_si(value, "", f"{key}.value"))

@@ -58,7 +58,8 @@ class DesignResult:
     """
 
     def __init__(self, design: Machine, options: AnalysisOptions):
-        self.design, self.options = design, options
+        self.design = design
+        self.options = options
 
     @cached_property
     def assembly(self) -> Assembly:
@@ -221,7 +222,8 @@ class DesignResult:
         return jnp.sqrt(self.orbit.largest(jnp.sum(vector**2, axis=0)))
 
     def _root_mean_square(self, rows=slice(None)) -> Float[Array, ""]:
-        amplitude, weight = self.vibration.targets[..., rows], self.weights[rows]
+        amplitude = self.vibration.targets[..., rows]
+        weight = self.weights[rows]
         square = jnp.sum((weight * jnp.abs(amplitude)) ** 2)
         return jnp.sqrt(square / (amplitude.shape[0] * jnp.sum(weight**2)))
 

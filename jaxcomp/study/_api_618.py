@@ -87,7 +87,8 @@ def rod_forces(compressor: Compressor, given: Any, orbit: Orbit, wrench: "Wrench
     solved = orbit.under_gas(compressor)
     gas, inertia = _along_rods(solved, state)
     # Between the nodes the laws say what the gas does; the motion is the panels' polynomials.
-    rule, places = gauss(orbit.panel_nodes), np.linspace(0.0, 1.0, _POINTS)
+    rule = gauss(orbit.panel_nodes)
+    places = np.linspace(0.0, 1.0, _POINTS)
     edges = orbit.panel_edges
     angle = edges[:-1, None] + orbit.panel_width[:, None] * places
     through = rule.through(places).T
@@ -151,7 +152,7 @@ def _of_cylinders(compressor: Compressor, columns: dict[str, Any]) -> dict[str, 
 def _ends(
     compressor: Compressor, given: Any, orbit: Orbit
 ) -> dict[str, dict[str, Float[Array, " k"]]]:
-    """What each end of the cylinders has; nothing of gases that have no valves."""
+    """Quantities of each end of the cylinders; none of gases that have no valves."""
     gas: Any = compressor.gas
     area, stroke = piston_strokes(compressor)
     turns = orbit.mean_speed / (2 * jnp.pi)
@@ -198,7 +199,8 @@ def _end_with_valves(given: Cylinder, cycle: Cycle | SeveralCycles, displacement
     """A head end whose pressure was solved with the crank."""
 
     def numbers(cycle: Cycle):
-        low, high = cycle.case.suction, cycle.case.discharge
+        low = cycle.case.suction
+        high = cycle.case.discharge
         return {
             "suction_pressure": low.p,
             "discharge_pressure": high.p,
@@ -316,7 +318,8 @@ class _Sampled(NamedTuple):
     def largest(self) -> tuple[float, float]:
         """[N] The largest load, and [rad] where it is."""
         panel, place = np.unravel_index(np.argmax(self.load), self.load.shape)
-        angles, loads = self.angle[panel], self.load[panel]
+        angles = self.angle[panel]
+        loads = self.load[panel]
         if place in (0, loads.size - 1):
             return float(loads[place]), float(angles[place])
         before, top, after = loads[place - 1 : place + 2]
@@ -332,7 +335,8 @@ class _Sampled(NamedTuple):
     def tension_angle(self) -> float:
         """[rad] Crank angle over which the load is tension: a straight line between points."""
         step = np.diff(self.angle, axis=1)
-        first, second = self.load[:, :-1], self.load[:, 1:]
+        first = self.load[:, :-1]
+        second = self.load[:, 1:]
         away = np.abs(first) + np.abs(second)
         positive = np.maximum(first, 0) + np.maximum(second, 0)
         share = np.divide(positive, away, out=np.zeros_like(away), where=away > 0)

@@ -121,7 +121,8 @@ def rod_driven(machine: Compressor | HasCompressor, rod: RodDrive) -> Compressor
         BadInput: another mechanism.
     """
     compressor = compressor_of(machine)
-    mechanism, friction = compressor.mechanism, compressor.friction
+    mechanism = compressor.mechanism
+    friction = compressor.friction
     crankshaft = compressor.crankshaft
     if not isinstance(mechanism, SliderLink) or not isinstance(friction, SliderLinkFriction):
         raise BadInput(

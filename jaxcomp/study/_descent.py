@@ -19,7 +19,8 @@ METHODS = ("slsqp", "least-squares", "adam")
 # solutions with few panels (2e-5 of the spread for the efficiency over the bore).
 BETTER = 1e-4
 # [-] of a range: the first step; a step of Adam.
-_FIRST, _ADAM_STEP = 0.25, 0.02
+_FIRST = 0.25
+_ADAM_STEP = 0.02
 # A search that cannot move is at the optimum as well as the solutions are smooth if its slope is
 # below this times the tolerance.
 _ROUGH = 1e3
@@ -44,7 +45,9 @@ class Descent:
     """
 
     def __init__(self, goal: Goal, start: Float[np.ndarray, " variables"], max_steps: int):
-        self.goal, self.start, self.max_steps = goal, start, max_steps
+        self.goal = goal
+        self.start = start
+        self.max_steps = max_steps
         self.points: list[Point] = []
         self.path: list[Point] = []
 
@@ -62,7 +65,8 @@ class Descent:
     @property
     def status(self) -> str:
         """End of the descent in words; see `Start`."""
-        best, limited = self.best, len(self.points) >= self.max_steps
+        best = self.best
+        limited = len(self.points) >= self.max_steps
         if not best.ok:
             return "start not solvable"
         if best.optimal:
@@ -186,14 +190,17 @@ def _first_order(transformation: "optax.GradientTransformation") -> Method:
     update = jax.jit(transformation.update)
 
     def method(descent: Descent, start) -> None:
-        here, there, state = start, start, transformation.init(start)
+        here = start
+        there = start
+        state = transformation.init(start)
         while True:
             point = descent.at(there)
             if not point.ok:
                 there = (here + there) / 2
                 continue
             step, state = update(point.gradient, state, there)
-            here, there = there, np.clip(there + np.asarray(step), 0.0, 1.0)
+            here = there
+            there = np.clip(there + np.asarray(step), 0.0, 1.0)
 
     return method
 

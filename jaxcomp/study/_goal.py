@@ -148,14 +148,17 @@ def goal_of(
         BadInput: a variable without range, a quantity that the scene does not have, one that could be
             better either way, or a bound that is no number or leaves nothing.
     """
-    ranges, quantities = ranges_of(problem.variables), list(problem.quantities)
+    ranges = ranges_of(problem.variables)
+    quantities = list(problem.quantities)
 
     def place(asked: Asked) -> int:
         if asked not in quantities:
             quantities.append(asked)
         return quantities.index(asked)
 
-    targets, main, sign = (), None, 1
+    targets = ()
+    main = None
+    sign = 1
     if objective is None:
         objective = problem.quantities[0]
     if isinstance(objective, Mapping):
@@ -165,7 +168,8 @@ def goal_of(
             raise BadInput("maximise", str(maximise), "left out with targets, which are met")
         targets = tuple(_target(asked, place(asked), value) for asked, value in objective.items())
     else:
-        main, sign = place(objective), _sign(objective, maximise)
+        main = place(objective)
+        sign = _sign(objective, maximise)
     limits = []
     for asked, interval in bounds_by_names("constraints", constraints).items():
         limits += _sides(name_of(asked), place(asked), *interval)
@@ -292,10 +296,12 @@ class Point:
     def multipliers(self) -> Float[np.ndarray, " limits"]:
         """[-] For which the slope of L is smallest; those of bounds are found beside them."""
         beyond, slope = self.limits
-        out, equal = np.zeros(len(beyond)), self.goal.equalities
+        out = np.zeros(len(beyond))
+        equal = self.goal.equalities
         active = equal | (beyond >= -10 * FEASIBLE)
         if self.ok and active.any():
-            unit, at = np.eye(len(self.share)), self.share
+            unit = np.eye(len(self.share))
+            at = self.share
             # Bounds as constraints -u <= 0 and u - 1 <= 0 with multipliers of their own.
             columns = np.concatenate([slope[active], -unit[at <= LEAST], unit[at >= 1 - LEAST]])
             least = np.zeros(len(columns))
@@ -309,9 +315,11 @@ class Point:
 
     def price(self, number: int) -> float:
         """[SI] What the optimal objective gains per unit of the bound of a constraint."""
-        limit, multiplier = self.goal.limits[number], self.multipliers[number]
+        limit = self.goal.limits[number]
+        multiplier = self.multipliers[number]
         # L = f + mu side (q - bound)/scale, so d f/d bound = -mu side/scale
-        side, scale = limit.side or 1, self.goal.scale[limit.place]
+        side = limit.side or 1
+        scale = self.goal.scale[limit.place]
         return float(-self.goal.unit * multiplier * side / scale)
 
     @cached_property

@@ -49,10 +49,12 @@ def ideal_delivery(compressor: Compressor, given: Any, speed: Float[Array, ""]) 
         rod = jnp.pi / 4 * gas.rod_diameter**2 * stroke
         chambers = [(gas.head_end, swept), (gas.crank_end, swept - rod)]
     stages = jnp.ones(count, int)
-    last, pressures = 1, {}
+    last = 1
+    pressures = {}
     ends = given.head_end if isinstance(given, DoubleActing) else given
     if isinstance(given, StagedCycle):
-        stages, last = jnp.asarray(given.stages), max(given.stages)
+        stages = jnp.asarray(given.stages)
+        last = max(given.stages)
         between = given.between(area, stroke)
         pressures = {str(stage): between[stage] for stage in range(1, last)}
     first = stages == 1
@@ -61,7 +63,8 @@ def ideal_delivery(compressor: Compressor, given: Any, speed: Float[Array, ""]) 
         jnp.stack([jnp.where(first, cycle.filling * size, 0.0) for cycle, size in chambers])
     )
     free_air = drawn * speed / (2 * jnp.pi)
-    mass, hot = jnp.full((), jnp.nan), jnp.full((), jnp.nan)
+    mass = jnp.full((), jnp.nan)
+    hot = jnp.full((), jnp.nan)
     if ends.inlet_temperature is not None:
         # of several lines the first cylinder's gas
         warm, constant = (jnp.ravel(x)[0] for x in (ends.inlet_temperature, ends.gas_constant))

@@ -59,7 +59,8 @@ def _word(step: str) -> str:
 
 def _part(part: Any, step: str) -> str:
     """A part of a list by its name or its nodes, or by its number from 1."""
-    name, nodes = getattr(part, "name", None), getattr(part, "nodes", None)
+    name = getattr(part, "name", None)
+    nodes = getattr(part, "nodes", None)
     if isinstance(name, str):
         return name
     if isinstance(nodes, tuple) and len(nodes) == 2 and not isinstance(nodes[0], tuple):

@@ -165,10 +165,14 @@ class Search:
                 raise BadInput(name, number, ">= 1")
         if not 0 < tolerance < 1:
             raise BadInput("tolerance", tolerance, "> 0 and < 1")
-        self.problem, self.keep = problem, keep
-        self.points, self.max_steps, self.tolerance = points, max_steps, tolerance
+        self.problem = problem
+        self.keep = keep
+        self.points = points
+        self.max_steps = max_steps
+        self.tolerance = tolerance
         self.tell = callback or (lambda stage, done, most: None)
-        parts, at_once = [], max(batch, _AT_ONCE)
+        parts = []
+        at_once = max(batch, _AT_ONCE)
         for first in range(0, len(points), at_once):
             parts.append(self.solved(points[first : first + at_once], batch))
             self.tell("sample", min(first + at_once, len(points)), len(points))
@@ -187,7 +191,8 @@ class Search:
     def sampled(self, goal: Goal) -> tuple[Goal, Sample]:
         """A goal in spreads of the quantities over the sample, and the sample as it judges it."""
         values, ok, _ = self.found
-        spread, size = values[ok].std(axis=0), np.abs(values[ok].mean(axis=0))
+        spread = values[ok].std(axis=0)
+        size = np.abs(values[ok].mean(axis=0))
         # A quantity that does not change over the sample has no scale but its size.
         scale = np.where(spread <= 1e-12 * size, np.where(size > 0, size, 1.0), spread)
         goal = dataclasses.replace(goal, scale=scale, tolerance=self.tolerance)
@@ -220,7 +225,8 @@ class Search:
 
     def descents(self, begin: Sequence[tuple[Goal, np.ndarray]], method: Method) -> list[Descent]:
         """Move from all starts, one after the other, each to its goal."""
-        made, done = [], 0
+        made = []
+        done = 0
 
         def solve(point):
             nonlocal done

@@ -168,7 +168,8 @@ class Optimum(Result):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the sample it was compared with."""
-        problem, sample = self.problem, self.sample
+        problem = self.problem
+        sample = self.sample
         here, there = (np.array([*one.values()]) for one in (self.values, self.quantities))
         yield from problem.columns(here, there, before=f"{self.label.lower()}.")
         yield Data("status", "", self.status)
@@ -180,8 +181,10 @@ class Optimum(Result):
 
     def nested(self) -> dict[str, Any]:
         """Variables, objective, constraints and starts, and the sample in short."""
-        problem, sample = self.problem, self.sample
-        units, names = problem.unit_of, [one.name for one in problem.variables]
+        problem = self.problem
+        sample = self.sample
+        units = problem.unit_of
+        names = [one.name for one in problem.variables]
         by_name = {"value": self.values, "gradient": self.gradient, "at_bound": self.at_bound}
         return {
             "variables": records(
@@ -232,7 +235,8 @@ class Optimum(Result):
 
         `None` where no quantity needs a periodic state of the crank; these are compared by themselves.
         """
-        problem, asked = self.problem, self.problem.quantities
+        problem = self.problem
+        asked = self.problem.quantities
         crank = any(not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in asked)
         if problem.design.compressor is None or not crank:
             return None
@@ -242,9 +246,11 @@ class Optimum(Result):
 
 def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optimum:
     """The result of starts that have ended."""
-    problem, ranges = goal.problem, goal.ranges
+    problem = goal.problem
+    ranges = goal.ranges
     best = min(descents, key=lambda one: one.best.rank)
-    end, values = best.best, ranges.values(best.best.share)
+    end = best.best
+    values = ranges.values(best.best.share)
     verdict, local = _compared(sample, end)
     names = [one.name for one in problem.variables]
     # From spreads and shares of ranges back to SI.
@@ -276,7 +282,9 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
 
 
 def _start(descent: Descent, best: Point) -> Start:
-    end, path, ranges = descent.best, descent.path, descent.goal.ranges
+    end = descent.best
+    path = descent.path
+    ranges = descent.goal.ranges
     return Start(
         start=descent.start,
         values=ranges.values(end.share),

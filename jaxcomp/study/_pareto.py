@@ -202,7 +202,8 @@ def _ends(
     Raises:
         SolveFailed: no design of the sample can be solved, or none keeps the constraints.
     """
-    ends, front = [], []
+    ends = []
+    front = []
     for goal, sample in map(search.sampled, goals):
         descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
         ends.append(optimum_of(goal, sample, descents))
@@ -220,8 +221,12 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
     """
     out = []
     for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
-        main, other, sample = front[1 - held].goal, front[held].goal, ends[1 - held].sample
-        name, place, sign = other.name, other.objective, other.sign
+        main = front[1 - held].goal
+        other = front[held].goal
+        sample = ends[1 - held].sample
+        name = other.name
+        place = other.objective
+        sign = other.sign
         for level in np.linspace(*(one.best.values[place] for one in front), count + 2)[1:-1]:
             limits = *main.limits, Limit(name, place, sign, float(level))
             # the best sample that keeps this level, or the end that does

@@ -289,7 +289,8 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
 
     Those that lack room for the cycle are solved again together in the next size.
     """
-    rows, parts = np.asarray(points), []
+    rows = np.asarray(points)
+    parts = []
     # what `of_each` takes in turns is not filled up
     batch = 1 if solves_gas(problem) else batch
     for first in range(0, len(rows), batch):

@@ -128,8 +128,11 @@ def known_response(design: Machine, options: AnalysisOptions) -> KnownResponse:
     these do to the motion of the crank, through the friction of its bearings, is left out.
     """
     machine = assembled(design)
-    places, case, rotor = places_of(machine), machine.loads, machine.rotor
-    crank_shakes, orders = by_crank(machine, options), options.orders
+    places = places_of(machine)
+    case = machine.loads
+    rotor = machine.rotor
+    crank_shakes = by_crank(machine, options)
+    orders = options.orders
     assert case is not None
     assert rotor is not None
     names = [node for table in case.unbalances for node in table.nodes]

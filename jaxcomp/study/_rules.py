@@ -264,7 +264,8 @@ def _similar_volume(machine) -> Float[Array, ""]:
 
 
 def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
-    radius, piston_mass = mechanism.crank_radius * scale, mechanism.piston_mass / scale
+    radius = mechanism.crank_radius * scale
+    piston_mass = mechanism.piston_mass / scale
     engaged = (mechanism.cylinder_length - 2 * mechanism.crank_radius) * bore / mechanism.bore
     length = engaged + 2 * radius
     return replaced(

@@ -120,7 +120,8 @@ class Sensitivity(Result):
         if quantity not in self.quantities:
             raise BadInput("quantity", quantity, f"one of {', '.join(self.quantities)}")
         place = self.quantities.index(quantity)
-        value, elasticity = self.value[place], self.elasticity[place]
+        value = self.value[place]
+        elasticity = self.elasticity[place]
         look = shown(quantity, self.quantity_units[place], value)
         rows = [
             Influence(*row, look)
@@ -138,7 +139,8 @@ class Sensitivity(Result):
 
     def _rows(self) -> Iterator[tuple[str, str]]:
         for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
-            look, ranked = shown(name, unit, value), self.ranking(name)
+            look = shown(name, unit, value)
+            ranked = self.ranking(name)
             yield look.words, look.text(float(value))
             for one in ranked[:10]:
                 yield f"  {one.part} {one.value}", one.change
@@ -227,8 +229,10 @@ def sensitivity(
     crank radius 50 mm +1 % per %
     """
     listed_names("quantities", quantities)
-    design, asked = machine_of(scene), tuple(quantities or ("mechanical_efficiency",))
-    options, compressor = given_options(options), design.compressor
+    design = machine_of(scene)
+    asked = tuple(quantities or ("mechanical_efficiency",))
+    options = given_options(options)
+    compressor = design.compressor
     if (
         options.solver is None
         and compressor is not None
@@ -236,7 +240,8 @@ def sensitivity(
     ):
         options = dataclasses.replace(options, solver=default_collocation(compressor))
     value, ok, slope = _solved(design, asked, options)
-    rows, slope = list(given_numbers(design)), jax.device_get(slope)
+    rows = list(given_numbers(design))
+    slope = jax.device_get(slope)
     rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
     return Sensitivity(
         tuple(name_of(one) for one in asked),

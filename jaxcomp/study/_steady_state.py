@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
 # What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
 # usually quoted.
-_REVERSAL, _REVERSED = math.radians(15), 0.03
+_REVERSAL = math.radians(15)
+_REVERSED = 0.03
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +117,8 @@ class SteadyState(Result):
             for member, number in value.items() if isinstance(value, dict) else [("", value)]:
                 yield Data(f"{name}.{member}" if member else name, str(units[name]), number)
         yield from (one for one in self.orbit.described() if one.dims)
-        at, compressor = self.table_dims, self.compressor
+        at = self.table_dims
+        compressor = self.compressor
         for name, thickness in film_thickness(compressor, self.orbit).items():
             yield Data(f"film_thickness.{name}", "m", thickness, at)
         for name, film in journal_films(compressor, self.orbit).items():
@@ -135,7 +137,9 @@ class SteadyState(Result):
 
     def nested(self) -> dict[str, Any]:
         """Quantities, works and losses, residuals, films, remarks; what the machine has."""
-        orbit, losses, period = self.orbit, self.numbers["losses"], self.numbers["period"]
+        orbit = self.orbit
+        losses = self.numbers["losses"]
+        period = self.numbers["period"]
         total = sum(losses.values())
         moved = {
             name: {
@@ -254,8 +258,10 @@ def _numbers(
     from ._options import AnalysisOptions
 
     result = DesignResult(machine, AnalysisOptions())
-    result.assembly, result.orbit = assembly, orbit
-    energy, compressor = orbit.energy, assembly.compressor
+    result.assembly = assembly
+    result.orbit = orbit
+    energy = orbit.energy
+    compressor = assembly.compressor
     assert compressor is not None
     # every joint that carries a force and could have friction has an entry; without a law it loses
     # nothing

@@ -121,7 +121,8 @@ def variable(
     """
     if name in design_rules:
         rule = design_rules[name]
-        unit, bound = rule.unit, rule.bound
+        unit = rule.unit
+        bound = rule.bound
         rule.current(design)  # refuses a machine for which it is not made
         steps = rule.entry.split(".")
     else:
@@ -237,7 +238,8 @@ def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]
     some = jnp.any(xy != 0)
     # Double where: neither `hypot` nor `arctan2` has a derivative at zero.
     safe = jnp.where(some, xy, jnp.array([1.0, 0.0]))
-    magnitude, angle = jnp.hypot(safe[0], safe[1]), jnp.arctan2(safe[1], safe[0])
+    magnitude = jnp.hypot(safe[0], safe[1])
+    angle = jnp.arctan2(safe[1], safe[0])
     return jnp.where(some, magnitude, xy[0]), jnp.where(some, angle, 0.0)
 
 
@@ -366,7 +368,8 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
     """
     for plane, value in design.corrections.items():
         for axis, weight in zip("xy", np.eye(2), strict=True):
-            name, number = f"{CORRECTIONS}.{plane}.{axis}", float(weight @ value)
+            name = f"{CORRECTIONS}.{plane}.{axis}"
+            number = float(weight @ value)
             yield GivenNumber(name, "kg m", ANY, number, weight, (CORRECTIONS, plane))
     for name in variable_names(design):
         if name in design_rules or name.startswith(f"{CORRECTIONS}."):
@@ -374,7 +377,8 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
         place = tuple(_steps(name))
         values = np.asarray(walk(design, list(place)))
         field = _field(design, list(place))
-        unit, bound = field.metadata["unit"], field.metadata["bound"]
+        unit = field.metadata["unit"]
+        bound = field.metadata["bound"]
         same = values.size and np.all(values == values.flat[0])
         if values.ndim == 0 or (field.metadata["spread"] and same):
             weight = np.ones(values.shape)

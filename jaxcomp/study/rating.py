@@ -219,7 +219,8 @@ def rating_map(
         BadInput: as `at_rating`, of any point.
     """
     options = options or CycleOptions()
-    S, D = jnp.asarray(evaporating, float), jnp.asarray(condensing, float)
+    S = jnp.asarray(evaporating, float)
+    D = jnp.asarray(condensing, float)
     compressor = at_rating(machine, S[0], D[0], rating)
     for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
         at_rating(compressor, *ends, rating)
@@ -228,7 +229,8 @@ def rating_map(
     found, ok = _in_all_sizes(compressor, rating, options, solver, *points)
     ok = ok.reshape(shape)
     values = {name: np.where(ok, found[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
-    coefficients, errors = {}, {}
+    coefficients = {}
+    errors = {}
     terms = polynomial_terms(S[:, None], D[None, :])[ok]
     # ten points are not enough where one of the axes has fewer than four
     size = np.linalg.norm(terms, axis=0)
@@ -386,7 +388,8 @@ def solve_rated(
 def _at_point(here: Compressor, plain: Collocation, solver=None):
     """Quantities at a point, whether they hold, and whether its cycle may be found in a larger size."""
     orbit = solve_rated(here, plain, solver)
-    result, cycle = performance(here, orbit), orbit.cycle
+    result = performance(here, orbit)
+    cycle = orbit.cycle
     assert cycle is not None
     values = {
         "power": result.electric_power,

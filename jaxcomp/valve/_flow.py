@@ -57,7 +57,8 @@ def choose(first, a: Side, b: Side) -> Side:
 def quasi_steady_flow(a: Side, b: Side) -> Float[Array, ""]:
     """Mass flow per effective area [kg/(s m^2)] from side `a` to side `b`, negative from `b` to `a`."""
     forward = a.p > b.p
-    high, low = choose(forward, a, b), choose(forward, b, a)
+    high = choose(forward, a, b)
+    low = choose(forward, b, a)
     r = high.pressure_ratio(low)
     root = 2 * _enthalpy_drop(high.kappa, r) * r ** (2 / high.kappa)
     # In the place of sqrt(root), whose slope is infinite where the pressures are equal.
@@ -77,7 +78,8 @@ def port_acceleration(a: Side, b: Side, velocity, pressure_sign, velocity_sign):
         velocity_sign: the same for U.
     """
     forward = pressure_sign > 0
-    high, low = choose(forward, a, b), choose(forward, b, a)
+    high = choose(forward, a, b)
+    low = choose(forward, b, a)
     # Beyond the reversal the ratio passes one, and the drop goes on smoothly below zero.
     r = high.pressure_ratio(low)
     drop = high.p / high.rho * _enthalpy_drop(high.kappa, r)
@@ -96,7 +98,8 @@ def throat_density(a: Side, b: Side, pressure_sign, velocity_sign) -> Float[Arra
         velocity_sign: the same for the velocity.
     """
     forward = velocity_sign > 0
-    up, down = choose(forward, a, b), choose(forward, b, a)
+    up = choose(forward, a, b)
+    down = choose(forward, b, a)
     q = up.pressure_ratio(down)
     q = jnp.where(pressure_sign == velocity_sign, q, 1.0)
     return up.rho * q ** (1 / up.kappa)

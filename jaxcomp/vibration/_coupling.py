@@ -117,13 +117,15 @@ def film_loads(
         state: periodic state of the crank.
     """
     films = main_films(rotor, pins[0])
-    share, crankshaft = state.weight / state.state.speed, compressor.crankshaft
+    share = state.weight / state.state.speed
+    crankshaft = compressor.crankshaft
     share = share / jnp.sum(share)
     pins = [crankshaft.joint("crank_pin", k + 1) for k in range(crankshaft.count)]
     # The joint's force acts on the rod; its opposite presses the pin.
     each = jnp.stack([-(state.loads.forces[pin] @ share) for pin in pins], axis=1)
     each = crankshaft.turned(Vector(*each)).stacked()
-    mean, moment = jnp.sum(each, axis=1), each @ crankshaft.position
+    mean = jnp.sum(each, axis=1)
+    moment = each @ crankshaft.position
     bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
     found = shares(bearings, position)
@@ -157,7 +159,8 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
     for word in left_out:
         if word not in LEAVABLE:
             raise BadInput("without", word, one_of(word, LEAVABLE))
-    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
+    mechanism = compressor.mechanism
+    crankshaft = compressor.crankshaft
     if "inertia" in left_out:
         # Their bounds leave out zero; a millionth is as good.
         names = ("piston_mass", "conrod_mass", "conrod_inertia")
@@ -212,7 +215,8 @@ def crank_loads(
     Raises:
         BadInput: no crank where one is needed.
     """
-    rotor, case = machine.rotor, machine.loads
+    rotor = machine.rotor
+    case = machine.loads
     assert rotor is not None
     assert case is not None
     opened = open_films(rotor)
@@ -224,7 +228,8 @@ def crank_loads(
     solver = _OF_FORCES if solver is None else solver
     whole = at_speed(machine.compressor, speed)
     orbit = solve_orbit(whole, solver, throw=False)
-    ok, films = orbit.converged, {}
+    ok = orbit.converged
+    films = {}
     if opened:
         loads = film_loads(rotor, whole, case.crank.pins, orbit)
         films = {number: loads[number] for number in opened}
@@ -272,7 +277,8 @@ def loaded_rotor(
     Raises:
         BadInput: no crank beside a film that needs it.
     """
-    rotor, case = machine.rotor, machine.loads
+    rotor = machine.rotor
+    case = machine.loads
     assert rotor is not None
     opened = open_films(rotor)
     if not opened:

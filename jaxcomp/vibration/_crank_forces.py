@@ -121,7 +121,8 @@ def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
         Force on the pin [N] (2, n), its torque on the crank [N m], force on the wall [N] (2, n), and its
         moment [N m] about the shaft but for that of the force along the axis.
     """
-    rod, side = -forces["crank_pin"], -forces["wall"]
+    rod = -forces["crank_pin"]
+    side = -forces["wall"]
     tilt = rod_motion(mechanism, angle).tilt_1
     # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
     # A loss torque is power over crank speed; the crank pin slides at 1 + tilt' times that speed,
@@ -140,7 +141,8 @@ def _slider_and_wall(mechanism: SliderLink, angle, forces, lost):
     """
     pin = -forces["crank_pin"]
     torque = _pin_torque(mechanism, angle, pin) - lost["crank_pin"]
-    crown, edge = -forces["wall_crown"], -forces["wall_edge"]
+    crown = -forces["wall_crown"]
+    edge = -forces["wall_edge"]
     at_crown = mechanism.piston(angle)[0]
     at_edge = at_crown - contact_arms(mechanism, angle).engaged
     lever = at_crown * crown[1] + at_edge * edge[1]

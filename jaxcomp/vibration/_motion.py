@@ -227,9 +227,11 @@ def _watched(design: Machine, model: RotorModel, nodes: Sequence[str]) -> _Watch
         return {name: (places[name], -1) for name in nodes or places}
     watched = {}
     for one in planes.targets:
-        base, apart = -1, ""
+        base = -1
+        apart = ""
         if one.relative_to is not None:
-            base, apart = names.index(one.relative_to), f" from {one.relative_to}"
+            base = names.index(one.relative_to)
+            apart = f" from {one.relative_to}"
         watched[f"{one.name} ({one.node}{apart})"] = names.index(one.node), base
     return watched
 
@@ -258,7 +260,8 @@ def _moving_films(design: Machine) -> dict[int, str]:
 
 def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
     """Major axes, and stiffness and damping of the moving journals' films at the speeds."""
-    major, films = _major(_relative(answer(design, speeds).checked(), watched)), {}
+    major = _major(_relative(answer(design, speeds).checked(), watched))
+    films = {}
     links = _model(design, speeds).links
     for number, name in moving.items():
         pairs = [links[number].law.coefficients(jnp.asarray(speed)) for speed in speeds]

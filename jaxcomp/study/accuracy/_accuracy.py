@@ -142,7 +142,8 @@ def accuracy(
 
 def _check_parts(question: Question, kind: StudyKind) -> None:
     """Raise unless the machine has what the study needs."""
-    made, lacks = question.assembly, ""
+    made = question.assembly
+    lacks = ""
     if kind.needs == "crank" and made.compressor is None:
         lacks = "one that a machine without compressor has, such as 'response'"
     if kind.needs == "rotor" and None in (made.rotor, made.loads, made.balancing):

@@ -47,7 +47,9 @@ _NODES = {False: (4, 6, 8, 10), True: (4, 5, 6, 8, 10, 12)}
 _TOLERANCES = {False: (1e-4, 1e-6, 1e-8, 1e-9), True: tuple(10.0**-n for n in range(3, 10))}
 _STEPS = {False: (1e-2, 1e-3, 1e-4), True: (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)}
 # Of references. Events are located within 1e-11, so that a tighter march gains nothing.
-_FINE_NODES, _TIGHT, _LESS_TIGHT = 16, 1e-10, 1e-9
+_FINE_NODES = 16
+_TIGHT = 1e-10
+_LESS_TIGHT = 1e-9
 _REFERENCE_STEP = 1e-3  # differences of a march of 1e-10 are good to 1e-7 with it
 _LONG_MARCH: dict[str, Any] = {"method": "march", "capacity": 8192, "max_passes": 40_000}
 _LABEL = "nodes={}"
@@ -160,7 +162,8 @@ class _March:
     """The march of a machine, compiled once for all tolerances."""
 
     def __init__(self, machine: Any):
-        self._machine, self._figures = machine, Compiled(figures)
+        self._machine = machine
+        self._figures = Compiled(figures)
 
     def call(self, tolerance: float, logs: Any = None) -> Call:
         """Values at a tolerance."""
@@ -170,7 +173,8 @@ class _March:
 
     def differences(self, tolerance: float, step: float) -> Solved:
         """Elasticities by central differences of a step in the logarithm."""
-        columns, passes = [], 0
+        columns = []
+        passes = 0
         for own in step * np.eye(len(variables(self._machine))):
             ends = [self.call(tolerance, logs).run() for logs in (own, -own)]
             for end in ends:

@@ -37,7 +37,8 @@ from ._study import median_time
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
 _MARCH = TimeIntegration(diffrax.Dopri8(), 1e-11, max_steps=8192, samples=2000)
 # [-] Speeds of the rotor that are searched for its largest response, over the highest of its planes.
-_SPEEDS, _COUNT = (0.05, 2.0), 400
+_SPEEDS = (0.05, 2.0)
+_COUNT = 400
 _LEAST_DAMPING = 1e-6  # [-] of the links' own
 # Of cycles with valves: the march that no buffer limits.
 _CYCLE_MARCH = CycleOptions(
@@ -143,7 +144,8 @@ def extremes(
     for name in names:
         if name not in FAMILIES:
             raise BadInput("family", name, f"one of {', '.join(FAMILIES)}")
-    assembly, found = assembled(machine_of(scene)), []
+    assembly = assembled(machine_of(scene))
+    found = []
     for number, name in enumerate(names):
         if progress is not None:
             progress(name, number, len(names))
@@ -199,7 +201,8 @@ def with_slip(compressor: Compressor, slip: float) -> Compressor | None:
     orbit = solve_orbit(compressor, throw=False)
     if not bool(orbit.converged):
         return None
-    speed, torque = orbit.mean_speed, orbit.energy.motor_work / (2 * jnp.pi)
+    speed = orbit.mean_speed
+    torque = orbit.energy.motor_work / (2 * jnp.pi)
     motor = SlipLine(float(torque / (slip * speed)), float(speed * (1 + slip)))
     return replaced(compressor, motor=motor)
 
@@ -367,7 +370,8 @@ def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
 
 def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     """The rotor at a resonance, with ever less damping in its links."""
-    case, planes = assembly.loads, assembly.balancing
+    case = assembly.loads
+    planes = assembly.balancing
     if assembly.rotor is None or case is None or planes is None or not assembly.given_loads:
         return
     top = float(jnp.max(planes.speeds))
@@ -380,11 +384,13 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     inner = sizes[1:-1]
     peaks = np.flatnonzero((inner > sizes[:-2]) & (inner > sizes[2:])) + 1
     highest = peaks[np.argmax(sizes[peaks])] if peaks.size else np.nanargmax(sizes)
-    worst, width = speeds[highest], speeds[1] - speeds[0]
+    worst = speeds[highest]
+    width = speeds[1] - speeds[0]
     for _ in range(3):
         near = worst + np.linspace(-1, 1, 41) * width
         # 41 points over two widths: the next search takes one step of this to both sides.
-        worst, width = near[np.nanargmax(_sizes(bare, loads, near))], width / 20
+        worst = near[np.nanargmax(_sizes(bare, loads, near))]
+        width = width / 20
     at = jnp.asarray([worst])
     for times in (1.0, 0.1, 1e-3, _LEAST_DAMPING):
         model = scaled(whole, "damping", times)[0]

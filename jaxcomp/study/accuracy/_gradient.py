@@ -49,7 +49,8 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         return film_gradient_study(question, thorough)
     if question.variable is None:
         raise BadInput("variable", "none", "named for the study of gradients")
-    derivative, crank = _Derivative(question, question.variable), question.compressor is not None
+    derivative = _Derivative(question, question.variable)
+    crank = question.compressor is not None
     solvers = [question.default_solver, Collocation(nodes=32, reversals=0)]
     settings: list[Setting] = []
     if not crank:
@@ -62,13 +63,15 @@ def gradient_study(question: Question, thorough: bool) -> Study:
         settings += derivative.by_mode(solver, FINE_TOLERANCE)
         settings += derivative.by_differences(solver)
     if thorough and crank:
-        edges, tail = question.load_reversals, " tolerance=1e-07"
+        edges = question.load_reversals
+        tail = " tolerance=1e-07"
         ahead = Shooting(reversals=edges, adjoint=diffrax.ForwardMode())
         settings += derivative.by_mode(Shooting(reversals=edges), 1e-7, ("reverse",), tail)
         settings += derivative.by_mode(ahead, 1e-7, ("forward",), tail)
     note = f"derivative with respect to {question.variable}{derivative.excited}"
     name = f"d {question.quantity} / d {question.variable}"
-    unit, below = quantity_named(question.quantity).unit, derivative.variable.unit
+    unit = quantity_named(question.quantity).unit
+    below = derivative.variable.unit
     unit = f"{unit or '1'}/{below}" if below else unit
     return Study(derivative.reference, tuple(settings), note, name, unit)
 
@@ -82,7 +85,8 @@ class _Derivative:
     """
 
     def __init__(self, question: Question, name: str):
-        self.question, self.variable = question, variable(question.design, name)
+        self.question = question
+        self.variable = variable(question.design, name)
         nominal = float(self.variable.current(question.design))
         self.size = abs(nominal) or 1.0  # what steps of the variable are relative to
         excitation = question.excitation
@@ -124,7 +128,8 @@ class _Derivative:
 
     def by_mode(self, solver, tolerance, modes=_MODES, tail="") -> list[Setting]:
         """Settings of both modes, or of one."""
-        label, method = _label(solver), _label(solver).partition(" ")[0]
+        label = _label(solver)
+        method = _label(solver).partition(" ")[0]
         return [
             Setting(f"{mode} mode, {method}" if method else f"{mode} mode", f"{label}{tail}",
                     partial(self.call, solver, tolerance, mode))
@@ -147,14 +152,16 @@ class _Derivative:
         Raises:
             BadInput: a variable that does not change the quantity.
         """
-        question, crank = self.question, self.question.compressor is not None
+        question = self.question
+        crank = self.question.compressor is not None
         fine = question.fine_solver if crank else None
         exact = float(known_value(question, self.call(fine, FINE_TOLERANCE, "forward").run()))
         if exact == 0.0:
             bound = f"one that {question.variable} changes{self.excited}"
             raise BadInput("quantity", question.quantity, bound)
         other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
-        options, shot = question.options(other, tolerance), Compiled(self.at)
+        options = question.options(other, tolerance)
+        shot = Compiled(self.at)
         step = _REFERENCE_STEP * self.size
         ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
         second = sum(w * float(end.value) for w, end in ends) / step

@@ -53,7 +53,8 @@ from ._study import (
 # Nodes of the second method, at other places: what both read off their nodes shows the difference.
 OTHER_NODES = 37
 # [-] Two values that differ by less are the same number: of one program, and of two methods.
-_ROUNDING, _ROUNDINGS = 1e-15, 1e-12
+_ROUNDING = 1e-15
+_ROUNDINGS = 1e-12
 # [-] A harmonic or a share that is smaller than this part of the largest of its kind is rounding.
 _CANCELLED = 1e-12
 # The two methods of a reference.
@@ -80,7 +81,8 @@ _TOLERANCES = (1e-5, 1e-7, 1e-10, 1e-13)
 _SCIPY = {"RK45": (1e-3, 1e-5, 1e-7), "DOP853": (1e-4, 1e-6, 1e-8, 1e-10)}
 # Of SciPy: angles of a revolution at constant speed, from which the first level of torque is taken, and
 # revolutions that the search for the periodic state may integrate; it takes 8 to 12 as a rule.
-_ANGLES, _REVOLUTIONS = 256, 25
+_ANGLES = 256
+_REVOLUTIONS = 25
 
 
 def orbit_study(question: Question, thorough: bool) -> Study:
@@ -132,7 +134,8 @@ def orbit_reference(question: Question, second: SolverProgram | None = None) -> 
     solver, tolerance, name = other_method(question)
     fine = SolverProgram(question, question.fine_solver)
     other = (second or SolverProgram(question, solver)).value(tolerance)
-    value, loose = fine.value(FINE_TOLERANCE), float(fine.call(0.1).run().value)
+    value = fine.value(FINE_TOLERANCE)
+    loose = float(fine.call(0.1).run().value)
     # both methods have the cycle of valves to 1e-12, of which the settings have errors
     rounding = 0.0 if isinstance(question.crank.gas, Cylinder) else _ROUNDINGS
     same = abs(value - loose) <= _ROUNDING * abs(value)

@@ -21,7 +21,8 @@ COMPUTER = "measured_on: cores, load"
 def this_computer() -> dict[str, Any]:
     """Cores, load and versions of the computer at this moment."""
     versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
-    load, python = os.getloadavg()[0], platform.python_version()
+    load = os.getloadavg()[0]
+    python = platform.python_version()
     return {"cores": os.cpu_count(), "load": load, "python": python, **versions}
 
 
@@ -194,7 +195,8 @@ class Report(Result):
 
     def nested(self) -> dict[str, Any]:
         """All settings, the cheapest for `error` and for each power of ten, and what was checked."""
-        reference, check = self.reference, self.derivatives
+        reference = self.reference
+        check = self.derivatives
         tasks = [task for task in self.tasks if task]
         return {
             **fields_of(

@@ -37,7 +37,8 @@ _GROOVED = (films.GroovedReynolds,)
 # Points of a batch: times are per point.
 _BATCH = 256
 # [-] Of eps, in the differences of finite volumes, and of the load, in those of a film model.
-_STEP, _STEPS = 1e-2, (1e-1, 1e-3, 1e-5)
+_STEP = 1e-2
+_STEPS = (1e-1, 1e-3, 1e-5)
 
 _LOWEST = 0.2  # [-] first of the speeds, over the highest of the balancing planes'
 _COUNTS = (1, 10, 100, 1000)
@@ -77,7 +78,8 @@ class Place(NamedTuple):
 
 def film_study(question: Question, thorough: bool) -> Study:
     """Models of the film and grids of the solver, for a number of the film."""
-    name, settings = question.quantity, []
+    name = question.quantity
+    settings = []
     for place in _places(question, thorough):
         solved = cache(place.solved)
 
@@ -145,7 +147,8 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
 
 def film_places(design: Machine) -> tuple[Place, ...]:
     """The films of a machine: of its joints, the most eccentric first, and of its rotor."""
-    made, found = assembled(design), []
+    made = assembled(design)
+    found = []
     journals = {}
     if made.compressor is not None:
         shaft = made.compressor.crankshaft
@@ -210,7 +213,8 @@ def response_study(question: Question, thorough: bool) -> Study:
     made = question.assembly
     assert made.balancing is not None
     compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(jnp.max(made.balancing.speeds))
-    model, loads = loaded_rotor(made, jnp.asarray(compared)), made.given_loads or made.unbalances
+    model = loaded_rotor(made, jnp.asarray(compared))
+    loads = made.given_loads or made.unbalances
 
     def by_numpy(refined: bool):
         return np.stack([_direct(model, loads, speed, refined) for speed in compared])
@@ -225,7 +229,8 @@ def response_study(question: Question, thorough: bool) -> Study:
         return Call(lambda: run()[:_COMPARED] if count > _COMPARED else run(), program)
 
     def reference(count):
-        value, other = exact()[:count], np.asarray(prepare("dense", _COMPARED).run())[:count]
+        value = exact()[:count]
+        other = np.asarray(prepare("dense", _COMPARED).run())[:count]
         return Reference(value, other, ("NumPy in extended precision", "the dense solver"))
 
     exact = cache(lambda: by_numpy(True))

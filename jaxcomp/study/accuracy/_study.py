@@ -28,11 +28,14 @@ from ..interface import quantity_named
 from ._report import Measurement, Reference
 
 # Of the reference.
-FINE_NODES, FINE_TOLERANCE, TIGHT_TOLERANCE = 24, 1e-13, 1e-9
+FINE_NODES = 24
+FINE_TOLERANCE = 1e-13
+TIGHT_TOLERANCE = 1e-9
 # Families of quantities of the rotor: they need the periodic states at several speeds.
 ROTOR_QUANTITIES = ("vibration", "balanced_vibration", "mount_force")
 # [s] A time is the median of the calls of this long: of three at least, unless they take longer still.
-_WATCHED, _LONG = 0.15, 2.0
+_WATCHED = 0.15
+_LONG = 2.0
 _LEAST = 3
 
 
@@ -282,7 +285,8 @@ class Compiled:
     """A function that is compiled when it is first needed, for all arguments of the same shapes."""
 
     def __init__(self, function: Callable[..., Any]):
-        self._function, self._program = function, None
+        self._function = function
+        self._program = None
 
     def call(self, *arguments: Any) -> Call:
         """A call for these arguments."""
@@ -312,7 +316,8 @@ class SolverProgram:
         names: tuple[str, ...] | None = None,
         compiled: Compiled | None = None,
     ):
-        self._question, self._solver = question, solver
+        self._question = question
+        self._solver = solver
         self._names = question.quantity if names is None else names
         self.compiled = compiled or Compiled(answer)
 
@@ -343,9 +348,11 @@ def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ..
     several = (names,) if isinstance(names, str) else names
     values = [jnp.asarray(quantity_named(name).value(found), float) for name in several]
     value = values[0] if isinstance(names, str) else jnp.stack(values)
-    iterations, status = jnp.asarray(0), Status.converged
+    iterations = jnp.asarray(0)
+    status = Status.converged
     if "orbit" in found.__dict__:
-        iterations, status = found.orbit.iterations, found.orbit.status
+        iterations = found.orbit.iterations
+        status = found.orbit.status
     return Solved(value, iterations, found.ok, status)
 
 

@@ -159,13 +159,15 @@ class Trace(AbstractMeasurement):
             orbit = solve_rated(here, Collocation(reversals=0, estimate=False), self.solver)
         else:
             orbit = solve_orbit(here, self.solver, throw=False)
-        at, cycle = angles - own["top_dead_centre"], cast(Any, orbit.cycle)
+        at = angles - own["top_dead_centre"]
+        cycle = cast(Any, orbit.cycle)
         out = []
         for name in self.quantities:
             if name == "speed":
                 out.append(orbit.speed_at(at))
             elif name == "pressure":
-                gain, offset = own["pressure_gain"], own["pressure_offset"]
+                gain = own["pressure_gain"]
+                offset = own["pressure_offset"]
                 out.append(offset + gain * cycle.pressure_at(at))
             else:
                 out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
@@ -212,7 +214,8 @@ class Table(AbstractMeasurement):
                 variable(machine, path, value, value)
 
     def entries(self, sd):
-        kinds, deviation = {}, np.empty(self.measured.shape)
+        kinds = {}
+        deviation = np.empty(self.measured.shape)
         for n, name in enumerate(self.quantities):
             unit = quantity_named(name).unit
             kinds[name] = Kind(unit, unit not in ("K", "rad"))

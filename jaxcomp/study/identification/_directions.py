@@ -14,7 +14,8 @@ _WEAK = 1.0
 # Singular value over the largest, below which nothing tells a combination.
 _UNIDENTIFIABLE = 1e-8
 # Entries of a direction that are named, over its largest, and how many of them: nobody reads ten.
-_NAMED, _MOST_NAMED = 0.05, 3
+_NAMED = 0.05
+_MOST_NAMED = 3
 
 
 class Direction(NamedTuple):
@@ -76,12 +77,14 @@ def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
     told = [n for n in order if size[n] >= _NAMED * size.max()]
     parts = []
     for n in told[:_MOST_NAMED]:
-        parameter, way = parameters[n], "up" if move[n] > 0 else "down"
+        parameter = parameters[n]
+        way = "up" if move[n] > 0 else "down"
         amount = f"{abs(move[n]):.2g} {parameter.unit}".strip()
         if parameter.log:
             amount = f"{100 * abs(move[n]):.2g} %"
         parts.append(f"{in_words(parameter.name)} {way} {amount}")
-    first, rest = parts[0], parts[1:]
+    first = parts[0]
+    rest = parts[1:]
     words = first + (f" with {' and '.join(rest)}" if rest else "")
     others = len(told) - len(parts)
     if others:

@@ -22,9 +22,11 @@ from ._least_squares import LeastSquares, Model, Parameter, check_problem
 _AT_BOUND = 1e-3
 # Change of chi-square below which two minima are both told, and distance in standard errors above which
 # they are two.
-_NEAR, _APART = 4.0, 0.1
+_NEAR = 4.0
+_APART = 0.1
 # Further starts where no step of any start had a value, and their spread over the ranges.
-_OTHERS, _NEARBY = 3, 0.3
+_OTHERS = 3
+_NEARBY = 0.3
 
 
 class Minimum(NamedTuple):
@@ -148,7 +150,8 @@ class Fit:
             slope: (n, p) over the parameters.
             sd: (n,) of a reading.
         """
-        value, slope = np.asarray(value, float), np.asarray(slope, float)
+        value = np.asarray(value, float)
+        slope = np.asarray(slope, float)
         model = np.sqrt(np.einsum("np,pq,nq->n", slope, self.covariance, slope))
         whole = np.hypot(model, sd)
         plain, inflated = (self._quantile(0.95, kind) * whole for kind in (False, True))
@@ -174,7 +177,8 @@ class Fit:
         at, rise = names.index(name), stats.chi2.ppf(level, 1)
         one = self.parameters[at]
         problem = LeastSquares(self.model, self.parameters, self.measured, self.sd, self.weight)
-        centre, error = one.scaled(self.estimate[at]), self.standard_error[at]
+        centre = one.scaled(self.estimate[at])
+        error = self.standard_error[at]
         error = float(error / one.slope(self.estimate[at]))
         last = problem.scaled(self.estimate)
 
@@ -287,7 +291,8 @@ def fit(
 def _with_others(points, answers, problem: LeastSquares, seed: int) -> Iterator[NDArray]:
     """The starts, and further ones near the first while every one was stuck."""
     yield from points
-    first, span = points[0], problem.high - problem.low
+    first = points[0]
+    span = problem.high - problem.low
     cube = qmc.LatinHypercube(first.size, rng=seed + 1).random(_OTHERS)
     for share in cube:
         if not answers or not all(one.stuck for one in answers) or problem.interrupted:
@@ -298,7 +303,8 @@ def _with_others(points, answers, problem: LeastSquares, seed: int) -> Iterator[
 
 
 def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
-    parameters, t = problem.parameters, best.x
+    parameters = problem.parameters
+    t = best.x
     residual, slope = problem.at(t)
     value, model_slope = problem.of_model(t)
     readings = value.size

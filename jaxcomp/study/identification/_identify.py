@@ -145,7 +145,9 @@ def _parameters(
 ) -> tuple[list[Variable | CommonFactor], list[Parameter]]:
     for name in prior.keys() - vary.keys():
         raise BadInput("prior", name, one_of(name, vary) + ", which are varied")
-    variables, parameters, taken = [], [], {}
+    variables = []
+    parameters = []
+    taken = {}
     for name, bounds in vary.items():
         if name == "motor.mean_speed":
             raise BadInput(

@@ -25,7 +25,9 @@ Model = Callable[[NDArray], tuple[NDArray, NDArray]]
 LOSSES = ("linear", "soft_l1", "huber")
 # Evaluations of a start, and how many of them may lower chi-square by less than `_LITTLE` in all: where
 # valves have kinks, steps shrink and shrink without a minimum nearby that they would meet.
-_MOST, _PATIENCE, _LITTLE = 60, 6, 1e-3
+_MOST = 60
+_PATIENCE = 6
+_LITTLE = 1e-3
 # Evaluations without a value, one after the other, after which a start is given up: each of them quarters
 # the step.
 _LOST = 12
@@ -103,15 +105,19 @@ class LeastSquares:
     """Residuals and slopes over t, with the priors as the last rows."""
 
     def __init__(self, model: Model, parameters, measured, sd, weight):
-        self.model, self.parameters = model, parameters
-        self.measured, self.sd, self.weight = measured, sd, weight
+        self.model = model
+        self.parameters = parameters
+        self.measured = measured
+        self.sd = sd
+        self.weight = weight
         self.rows = [n for n, one in enumerate(parameters) if one.prior_width is not None]
         self.low = np.array([one.scaled(one.low) for one in parameters])
         self.high = np.array([one.scaled(one.high) for one in parameters])
         self.reach = np.array([one.reach for one in parameters])
         # SciPy asks for residuals and slopes apart, the model gives both at once.
         self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
-        self.best, self.interrupted = (np.inf, np.zeros(0)), False
+        self.best = (np.inf, np.zeros(0))
+        self.interrupted = False
         self.told: Callable[[], object] = lambda: None
 
     def scaled(self, values: ArrayLike) -> NDArray:
@@ -140,7 +146,8 @@ class LeastSquares:
         factor = np.where(used, np.sqrt(self.weight) / self.sd, 0.0)
         residual = np.where(used, (value - self.measured) * factor, 0.0)
         slope = np.where(used[:, None], slope * factor[:, None] * scale, 0.0)
-        prior, prior_slope = np.zeros(len(self.rows)), np.zeros((len(self.rows), t.size))
+        prior = np.zeros(len(self.rows))
+        prior_slope = np.zeros((len(self.rows), t.size))
         for row, n in enumerate(self.rows):
             one = self.parameters[n]
             prior[row] = (t[n] - one.scaled(one.prior)) / one.prior_width
@@ -156,7 +163,8 @@ class LeastSquares:
         def rho(z):
             # As SciPy wants them: rho, rho' and rho'' over z, the squares of the residuals.
             out = np.stack([z, np.ones_like(z), np.zeros_like(z)])
-            own, plain = z[:readings], np.stack([z, np.ones_like(z), np.zeros_like(z)])
+            own = z[:readings]
+            plain = np.stack([z, np.ones_like(z), np.zeros_like(z)])
             if name == "soft_l1":
                 root = np.sqrt(1 + own)
                 robust = np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
@@ -223,9 +231,11 @@ class LeastSquares:
                 row = 0
             else:
                 # no step at all: nothing is known of a minimum
-                lost, row = lost + 1, row + 1
+                lost = lost + 1
+                row = row + 1
             if cost < lowest:
-                lowest, place = cost, t
+                lowest = cost
+                place = t
             if cost < self.best[0]:
                 self.best = cost, t
                 self.told()
@@ -258,7 +268,8 @@ class LeastSquares:
             gtol=1e-9,
             max_nfev=_MOST,
         )
-        found.x, found.lost = whole(found.x), lost
+        found.x = whole(found.x)
+        found.lost = lost
         # else the tolerance was met by steps that shrank to nothing
         found.stuck = self.stuck(start, found.x, lost)
         found.success = found.success and not found.stuck

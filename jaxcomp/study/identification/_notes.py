@@ -13,7 +13,8 @@ from ._reading_model import ReadingModel
 # Share of the prior's deviation that is left, above which the readings say nothing of a parameter.
 _SAY_NOTHING = 0.9
 # p-values below which a model is rejected, and above which the deviations were too large.
-_REJECTED, _TOO_GOOD = 0.01, 0.99
+_REJECTED = 0.01
+_TOO_GOOD = 0.99
 # Spread of the mean residuals of two speeds, in their deviations, beyond which their law does not fit.
 _TOGETHER = 4.0
 # Weight that a robust loss leaves to a reading, below which it is named.
@@ -95,7 +96,8 @@ def _of_fit(found: Fit, model: ReadingModel) -> Iterator[str]:
 def law_of_speed(found: Fit, entries: Entries) -> Iterator[str]:
     """Whether readings at some speeds are off together, in words."""
     turns = entries.conditions.get("speed", np.full(found.weight.size, np.nan)) / (2 * np.pi)
-    used, off = found.weight > 0, found.residual
+    used = found.weight > 0
+    off = found.residual
     for quantity in dict.fromkeys(entries.quantity):
         mine = used & np.isfinite(turns) & (np.array(entries.quantity) == quantity)
         speeds = np.unique(turns[mine].round(6))

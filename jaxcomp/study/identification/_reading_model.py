@@ -37,13 +37,15 @@ class ReadingModel:
     def __init__(self, design, variables, measurements, sd: Mapping[str, float]):
         # without their ranges, which are no part of the program
         self.variables = tuple(one.bare for one in variables)
-        self.design, self.measurements = design, measurements
+        self.design = design
+        self.measurements = measurements
         self.programs = [one.bare for one in measurements]
         parts = [one.entries(sd) for one in measurements]
         self.points = [one.points(design) for one in measurements]
         sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]
         self.first = np.concatenate([[0], np.cumsum(sizes)])
-        self.nuisances, self.own = [], []
+        self.nuisances = []
+        self.own = []
         for one in measurements:
             begin = len(variables) + len(self.nuisances)
             self.nuisances += [

@@ -34,7 +34,8 @@ MEASURED = {
 # contradict each other.
 _CONTRADICTION = 0.03
 # [K] Gas that is hotter, or liquid that is colder, comes to no compressor.
-_MOST_SUPERHEAT, _MOST_SUBCOOLING = 200.0, 100.0
+_MOST_SUPERHEAT = 200.0
+_MOST_SUBCOOLING = 100.0
 # Numbers that change what the pistons displace.
 _OF_DISPLACEMENT = ("mechanism.", "similar_swept_volume", "crankshaft.")
 # Speeds closer together than this are one.
@@ -197,7 +198,8 @@ class Readings(AbstractMeasurement):
         flows = {"mass_flow": 1.0, "capacity": worth}
         sized = any(name.startswith(_OF_DISPLACEMENT) for name in varied)
         for name, per_flow in flows.items():
-            most, measured = displaced * per_flow, self.measured.get(name, none)
+            most = displaced * per_flow
+            measured = self.measured.get(name, none)
             room = 3 * self.deviation(name, {}) if name in self.measured else 0.0
             for n in np.flatnonzero(measured - room > most):
                 if not sized:
@@ -237,7 +239,8 @@ class Readings(AbstractMeasurement):
             for row in np.flatnonzero(np.isfinite(values)).tolist()
         ]
         at = np.array([row for _, row in rows], int)
-        names, deviations = self.names, {k: self.deviation(k, sd) for k in self.measured}
+        names = self.names
+        deviations = {k: self.deviation(k, sd) for k in self.measured}
         conditions = {k: getattr(self, k)[at] for k in ("evaporating", "condensing", "speed")}
         return Entries(
             tuple(name for name, _ in rows),
@@ -340,7 +343,8 @@ def _limits(fluid: AbstractRealGas, evaporating, condensing, gas, useful, liquid
     """[kg/m^3] Of the gas that comes, [J/kg] of its isentropic compression, [J/kg] of capacity; (n,)."""
 
     def at(evaporating, condensing, gas, useful, liquid):
-        low, high = fluid.saturation(T=evaporating).p, fluid.saturation(T=condensing).p
+        low = fluid.saturation(T=evaporating).p
+        high = fluid.saturation(T=condensing).p
         suction = fluid.state(gas, fluid.density(gas, low))
         warm = jnp.maximum(gas, condensing) + 20.0
         behind = fluid.at_entropy(high, suction.s, fluid.state(warm, fluid.density(warm, high)))

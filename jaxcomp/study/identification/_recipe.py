@@ -71,7 +71,8 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
         faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
         fixed = variable(design, "motor.losses.fixed_power")
         design = fixed.apply(design, fixed.current(design) * faster)
-    vary, prior = {}, {}
+    vary = {}
+    prior = {}
     for name, (low, high, width) in RECIPE.items():
         try:
             one = varied(design, name)
@@ -101,7 +102,8 @@ def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
         density = fluid.density(gas, fluid.saturation(T=s).p)
         return density, capacity_rise(fluid, s, d, useful, liquid)
 
-    volumes, speeds = [np.zeros(0)], [np.zeros(0)]
+    volumes = [np.zeros(0)]
+    speeds = [np.zeros(0)]
     for one in readings:
         at = (one.evaporating, one.condensing, one.gas, one.useful, one.liquid_of(fluid))
         density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))

@@ -135,7 +135,8 @@ class Identification(Result, eqx.Module):
         yield Data("chi_square", "", self.chi_square)
         yield Data("p_value", "", self.p_value)
         yield Data("freedom", "", self.freedom)
-        at, quantities = self.table_dims, self.quantities
+        at = self.table_dims
+        quantities = self.quantities
         yield Data("point", "", self.point, at)
         numbers = ", ".join(f"{n}: {name}" for n, name in enumerate(quantities))
         yield Data(

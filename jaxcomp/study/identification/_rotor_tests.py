@@ -251,7 +251,8 @@ class VibrationTest(AbstractMeasurement):
         point = np.searchsorted(self._speeds(), self.speed.round(9))
         pairs = list(dict.fromkeys(zip(self.targets, self.axes, strict=True)))
         row = np.array([pairs.index(p) for p in zip(self.targets, self.axes, strict=True)])
-        kinds, parts = {}, []
+        kinds = {}
+        parts = []
         for n, (name, chosen) in enumerate(
             (("vibration.real", phased), ("vibration.imaginary", phased), ("vibration", ~phased))
         ):

@@ -118,7 +118,9 @@ def update_rotor(
     Raises:
         BadInput: a number that is none of a rotor; or as `identify`.
     """
-    design, vary, prior = machine_of(machine), {}, {}
+    design = machine_of(machine)
+    vary = {}
+    prior = {}
     for path in paths:
         if not path.startswith("rotor."):
             raise BadInput("paths", path, "a number of the rotor, as rotor.shafts.0.length")

@@ -65,7 +65,8 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     values = _falling(found, name)
     along, across = (np.asarray(found[dim]) for dim in dims)
     order = np.argsort(along)
-    along, values = along[order], values[order]
+    along = along[order]
+    values = values[order]
     lost = ~np.any(np.isfinite(values), axis=0)
     filled = np.where(np.isfinite(values), values, np.inf)
     best = np.argmin(filled, axis=0)

@@ -37,7 +37,8 @@ if TYPE_CHECKING:  # Dask is an optional extra
     from distributed import Client
 
 # Widest groups whose intermediate results stay in the cache of a core; a GPU wants many at once.
-_WIDTH, _WIDTH_ELSEWHERE = 32, 4096
+_WIDTH = 32
+_WIDTH_ELSEWHERE = 4096
 # Groups that a device is given at a time, at most.
 _LANES = 32
 # Blocks that are under way at the same time, so that devices work while one is written.
@@ -126,7 +127,8 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
     def start(rows):
         order = neighbours_together(rows, width)
         # Alike ones together, for a group takes as long as its slowest design.
-        back, rows = np.argsort(order), rows[order]
+        back = np.argsort(order)
+        rows = rows[order]
         number = -(-len(rows) // width)
         # the last group is filled up with its last design
         padded = np.concatenate([rows, np.repeat(rows[-1:], number * width - len(rows), axis=0)])
@@ -185,7 +187,8 @@ def solved_blocks(
     if client is not None:
         yield from _on_cluster(problem, width, client, blocks)
         return
-    start, waiting = block_program(problem, width, devices), deque()
+    start = block_program(problem, width, devices)
+    waiting = deque()
     for number, rows in blocks:
         waiting.append((number, rows, start(rows)))
         if len(waiting) > _AHEAD:

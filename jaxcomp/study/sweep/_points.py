@@ -201,8 +201,12 @@ class SamplePoints:
         counted("samples", count, 1, 2**24 if sampling == "latin_hypercube" else MOST)
         if seed < 0:
             raise BadInput("seed", seed, ">= 0")
-        self.axes, self.count, self.sampling, self.seed = axes, count, sampling, seed
-        self._engine, self._whole = None, None
+        self.axes = axes
+        self.count = count
+        self.sampling = sampling
+        self.seed = seed
+        self._engine = None
+        self._whole = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -272,7 +276,8 @@ class Blocks(NamedTuple):
     @classmethod
     def of(cls, shape: tuple[int, ...], batch: int) -> "Blocks":
         """Blocks of at most `batch` designs, neighbours of a grid together, all nearly alike."""
-        left, block = batch, []
+        left = batch
+        block = []
         # From the last variable, which changes first among the rows.
         for size in reversed(shape):
             parts = -(-size // max(min(size, left), 1))

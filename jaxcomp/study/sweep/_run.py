@@ -241,7 +241,8 @@ def _layout(asked, points, batch, width, devices, there) -> tuple[Blocks, int]:
             raise BadInput(name, given, ">= 1")
     if there is None:
         return Blocks.of(points.shape, batch or BATCH), width or default_width(asked, devices)
-    layout, stored = Blocks(points.shape, tuple(there["block"])), there["width"]
+    layout = Blocks(points.shape, tuple(there["block"]))
+    stored = there["width"]
     if batch is not None and Blocks.of(points.shape, batch) != layout:
         bound = f"as in the store, whose blocks have shape {layout.block}"
         raise BadInput("batch", batch, bound)

@@ -144,7 +144,8 @@ class InMemory(_Store):
     """Results that are handed out and kept nowhere."""
 
     def __init__(self, plan: Plan):
-        shape, self.plan = plan.layout.shape, plan
+        shape = plan.layout.shape
+        self.plan = plan
         size = math.prod(shape) * len(plan.columns)
         if size > _MOST_HELD:
             bound = f"at most {_MOST_HELD} in memory; give a folder `out` to keep more"
@@ -160,7 +161,8 @@ class InMemory(_Store):
         """The arrays themselves, in a dataset."""
         import xarray
 
-        plan, dims = self.plan, self.plan.points.dims
+        plan = self.plan
+        dims = self.plan.points.dims
         heads = plan.variables | plan.columns
         data = {name: (dims, value, heads[name]) for name, value in self.arrays.items()}
         axes = {} if plan.sampled else plan.points.axes
@@ -183,7 +185,8 @@ class OnDisk(_Store):
     def __init__(self, path: Path, plan: Plan):
         import zarr
 
-        self._path, self.plan = path, plan
+        self._path = path
+        self.plan = plan
         if not path.exists() or not any(path.iterdir()):
             _make(path, plan)
         there = stored_header(path)
@@ -286,7 +289,8 @@ def _whole(path: Path, header, values, sampled) -> np.ndarray:
         folder = path / name / "c"
         return {file.relative_to(folder).parts for file in folder.rglob("*") if file.is_file()}
 
-    ok, there = values[OK].values, blocks(OK)
+    ok = values[OK].values
+    there = blocks(OK)
     for name in (*header["columns"], *sampled):
         for index in there - blocks(name):
             starts = zip(map(int, index), header["block"], strict=True)

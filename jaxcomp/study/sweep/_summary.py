@@ -31,7 +31,8 @@ def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
     failed = ended[~ok] if ended is not None else []
 
     def variable(values):
-        low, high = values.values.min(), values.values.max()
+        low = values.values.min()
+        high = values.values.max()
         listed = values.values if few else None
         return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
 
@@ -49,7 +50,8 @@ def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
 
 
 def _quantity(found, name: str, few: bool) -> dict[str, Any]:
-    data, attributes = found[name].values, found[name].attrs
+    data = found[name].values
+    attributes = found[name].attrs
     ranked = attributes["better"] in ("more", "less")
     curve = None
     if ranked and data.ndim == 2 and found[name].dims != ("sample",):

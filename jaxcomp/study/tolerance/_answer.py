@@ -42,7 +42,8 @@ class Permitted(NamedTuple):
 
 def nested(found: Any) -> dict[str, Any]:
     """Variables, quantities and limits of `Tolerances`, nested."""
-    ok, variables = found.sampled.ok, found.problem.variables
+    ok = found.sampled.ok
+    variables = found.problem.variables
     return {
         "corrections": dict(found.problem.design.corrections),
         "variables": {
@@ -64,7 +65,8 @@ def nested(found: Any) -> dict[str, Any]:
 
 
 def _quantity(found: Any, place: int) -> dict[str, Any]:
-    sampled, name = found.sampled, found.names[place]
+    sampled = found.sampled
+    name = found.names[place]
     levels = [None] * len(_PERCENTILES)
     if sampled.ok.sum() > 1:
         levels = sampled.quantile([*_PERCENTILES.values()])[:, place]
@@ -115,7 +117,8 @@ def sentences(found: Any, permitted: Sequence[Permitted]) -> Iterator[str]:
             f"{_causes(found, one.limit.quantity)}"
         )
     for place, name in enumerate(found.names):
-        mean, spread = found.sampled.mean[place], found.sampled.deviation[place]
+        mean = found.sampled.mean[place]
+        spread = found.sampled.deviation[place]
         if name not in limited and math.isfinite(spread):
             look = found.shown(name)
             yield (

@@ -207,7 +207,8 @@ def sampled(
     good = values[ok]
     if len(good) < 2:
         return Sampled(normals, values, ok, *np.full((5, values.shape[1]), np.nan))
-    mean, deviation = good.mean(0), good.std(0)
+    mean = good.mean(0)
+    deviation = good.std(0)
     flat = np.where(deviation > 0, deviation, 1.0)
     skewness = np.mean(((good - mean) / flat) ** 3, axis=0)
     sets = zip(np.array_split(values, SETS), np.array_split(ok, SETS), strict=True)
@@ -226,14 +227,18 @@ def solved_rows(
     keep: Keep | None = None,
 ):
     """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them."""
-    rows, devices = np.asarray(rows), jax.local_devices()
+    rows = np.asarray(rows)
+    devices = jax.local_devices()
     width = default_width(problem, devices) if problem.options.known is None else _WIDE
     size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
     # the first one is small, so that a forecast of the rest comes early
     edges = sorted({0, *range(min(width, size), len(rows), size), len(rows)})
     blocks = ((first, rows[first:end]) for first, end in pairwise(edges))
-    values, ok, done = np.empty((len(rows), len(problem.quantities))), np.empty(len(rows), bool), 0
-    title, show = progress or "", progress is not None
+    values = np.empty((len(rows), len(problem.quantities)))
+    ok = np.empty(len(rows), bool)
+    done = 0
+    title = progress or ""
+    show = progress is not None
     with progress_of(title, len(rows), unit="machines", show=show) as shown:
         for block in solved_blocks(problem, width, devices, client, blocks):
             first, some, found, _, solved = block

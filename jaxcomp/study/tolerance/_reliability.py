@@ -102,7 +102,9 @@ class _LimitState:
     """Distance of a machine beyond a limit in the space of u, with its slope; each solved once."""
 
     def __init__(self, problem: Problem, scatter: Scatter, nominal, limit: Limit, progress: bool):
-        self.problem, self.limit, self.size = problem, limit, len(nominal)
+        self.problem = problem
+        self.limit = limit
+        self.size = len(nominal)
         self.progress = progress
         self.place = problem.names.index(limit.quantity)
         # the search calls both a thousand times, and outside of a program their operations take longer
@@ -115,10 +117,12 @@ class _LimitState:
         points = np.atleast_2d(np.asarray(points, float))
         new = [p for p in points if p.tobytes() not in self.known]
         if new:
-            u, sign = jnp.asarray(np.stack(new)), 1.0 if self.limit.above else -1.0
+            u = jnp.asarray(np.stack(new))
+            sign = 1.0 if self.limit.above else -1.0
             found = solved(self.problem, self.machines(u))
             beyond = sign * (found.values[:, self.place] - self.limit.bound)
-            by_value, by_u = found.slope[:, self.place], self.slope_of_machines(u)
+            by_value = found.slope[:, self.place]
+            by_u = self.slope_of_machines(u)
             slope = np.einsum("nv,nvu->nu", by_value, by_u)
             beyond = np.where(found.ok, beyond, np.nan).tolist()
             slope = np.where(found.ok[:, None], sign * slope, np.nan)
@@ -152,7 +156,8 @@ class _LimitState:
     def nearest_points(self) -> np.ndarray:
         """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
         starts = self.starts()
-        scale, found = np.nanmax(np.abs(self(starts)[0])), []
+        scale = np.nanmax(np.abs(self(starts)[0]))
+        found = []
         if not (np.isfinite(scale) and scale > 0):
             return np.zeros((0, self.size))
         reached = {
@@ -227,7 +232,8 @@ def reliability(
     state = _LimitState(problem, scatter, nominal, limit, progress)
     around = min(len(samples.ok) // 2, 4096) if around is None else around
     counted = _counted(limit, samples.values[samples.ok, state.place])
-    points, nothing = state.nearest_points(), np.full(len(nominal), np.nan)
+    points = state.nearest_points()
+    nothing = np.full(len(nominal), np.nan)
     if not len(points):
         return Reliability(limit, *counted, *[np.nan] * 5, points, nothing, nothing)
     failed = state(np.zeros(len(nominal)))[0][0] > 0

@@ -26,7 +26,8 @@ from ._scatter import Correlations, Within, drawn_normals, scatter_of
 from ._tolerance import Tolerances
 
 # Factors on the tolerances between which is searched.
-_LOW, _HIGH = 1e-3, 10.0
+_LOW = 1e-3
+_HIGH = 10.0
 
 
 class Robust:
@@ -40,8 +41,12 @@ class Robust:
     """
 
     def __init__(self, asked, variables, scatter, normals, measure, name):
-        self._asked, self._variables, self._scatter = asked, variables, scatter
-        self._normals, self._measure, self.__name__ = normals, measure, name
+        self._asked = asked
+        self._variables = variables
+        self._scatter = scatter
+        self._normals = normals
+        self._measure = measure
+        self.__name__ = name
         self.changes = tuple(one.name for one in variables)
 
     def __call__(self, found: DesignResult) -> Float[Array, ""]:
@@ -104,9 +109,11 @@ def robust(
     variables = tuple(variable(design, name) for name in tolerances)
     normals = drawn_normals(list(tolerances), samples, "sobol", seed)
     if quantile is None:
-        measure, words = _mean_and_deviation(sigmas), f"mean {sigmas:+g} sigma"
+        measure = _mean_and_deviation(sigmas)
+        words = f"mean {sigmas:+g} sigma"
     else:
-        measure, words = _harrell_davis(quantile, samples), f"{quantile:g} quantile"
+        measure = _harrell_davis(quantile, samples)
+        words = f"{quantile:g} quantile"
     return Robust(asked, variables, scatter, normals, measure, f"{name_of(asked)}, {words}")
 
 

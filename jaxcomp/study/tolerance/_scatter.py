@@ -191,7 +191,8 @@ def scatter_of(
         )
     _check_kinds(tolerances)
     names = list(tolerances)
-    wanted, latent = np.eye(len(names)), np.eye(len(names))
+    wanted = np.eye(len(names))
+    latent = np.eye(len(names))
     for pair, value in (correlations or {}).items():
         label = f"correlations.{' and '.join(pair)}"
         if len(set(pair)) != 2 or not set(pair) <= set(names):
@@ -237,7 +238,8 @@ def _normal_correlation(a: Within, b: Within, wanted: float, label: str) -> floa
         second = standard(b, rho * x[:, None] + np.sqrt(1 - rho**2) * x[None, :])
         return w @ (first * second) @ w - wanted
 
-    low, high = miss(-_NEAR_ONE) + wanted, miss(_NEAR_ONE) + wanted
+    low = miss(-_NEAR_ONE) + wanted
+    high = miss(_NEAR_ONE) + wanted
     if not low < wanted < high:
         raise BadInput(label, wanted, f"> {low:.4g} and < {high:.4g} for these distributions")
     return float(brentq(miss, -_NEAR_ONE, _NEAR_ONE, xtol=1e-14))  # pyright: ignore

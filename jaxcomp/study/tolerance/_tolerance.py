@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 # From here on a method is said to disagree with the samples: share of the samples' deviation.
 _DISAGREES = 0.1
 # Samples if their number is left open: ordinary machines, and those whose gas is solved with valves.
-_MANY, _FEW = 16384, 512
+_MANY = 16384
+_FEW = 512
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -270,7 +271,8 @@ def _limits(limits, made: Problem) -> list[Limit]:
 
 def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
     """Nominal quantities, and with each variable in turn at both limits."""
-    n, ends = len(nominal), np.asarray(scatter.limits(nominal))
+    n = len(nominal)
+    ends = np.asarray(scatter.limits(nominal))
     points = np.tile(np.asarray(scatter.mean(nominal)), (2, n, 1))
     points[:, np.arange(n), np.arange(n)] = ends
     values, _ = solved_rows(made, np.concatenate([nominal[None], points.reshape(-1, n)]))
@@ -285,7 +287,8 @@ def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
     out = []
     for word, order in orders.items():
         for field in () if order is None else order._fields:
-            given, right = getattr(order, field)[place], getattr(truth, field)[place]
+            given = getattr(order, field)[place]
+            right = getattr(truth, field)[place]
             error = getattr(truth, f"{field}_error")[place]
             if not abs(given - right) <= max(allowed, 4 * error):
                 said = look.text if field == "mean" else look.difference
