@@ -304,6 +304,7 @@ def test_the_command_prints_numbers_and_writes_pictures(pin, file, tmp_path):
     assert found["minimum_film_angle"] == pytest.approx(float(pin.minimum_film_angle), abs=1e-9)
     names = {path.name for path in (tmp_path / "o").iterdir()} - {
         "interactive.html",
+        "results.xlsx",
         ".jaxcomp.json",
     }
     assert names == {"path.png", "film.png", "orbit.csv", "result.json", "report.html"}

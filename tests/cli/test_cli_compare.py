@@ -65,7 +65,8 @@ def test_only_the_dimensions_that_differ_are_shown(found):
 
 def test_the_folder_has_one_picture_and_the_result(found):
     _, out = found
-    names = {file.name for file in out.iterdir()} - {"interactive.html", ".jaxcomp.json"}
+    optional = {"interactive.html", "results.xlsx", ".jaxcomp.json"}
+    names = {file.name for file in out.iterdir()} - optional
     assert names == {"losses.png", "result.json", "report.html"}
 
 

@@ -266,13 +266,13 @@ def test_a_full_disk_leaves_no_cut_report(tmp_path):
     write_results_of_command(tmp_path, result_files("m", {"one": figure}, result), False)
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
     pictures = {"one.png", "interactive.html"}
-    assert set(before) == {*pictures, "result.json", "report.html", RECORD}
+    assert set(before) == {*pictures, "result.json", "results.xlsx", "report.html", RECORD}
     longer = result_files("m", {}, result | {"long": "x" * 100})
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     # no file of more than 2 kB can be written, as little as on a disk with as much left
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, hard))
     try:
-        with pytest.raises(OSError, match=r"report\.html|one\.png") as told:
+        with pytest.raises(OSError, match=r"results\.xlsx|report\.html|one\.png") as told:
             write_results_of_command(tmp_path, longer, False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
