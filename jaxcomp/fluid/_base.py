@@ -109,6 +109,31 @@ class AbstractFluid(Part):
         and its pressure below the one that was given.
         """
 
+        # From the perfect gas, which is thinner: p(rho) of a gas bends down, so the steps come from
+        # below and do not overshoot. Beyond the limit of the metastable gas dp/drho < 0 would turn a
+        # step round.
+        return self._density_from(
+            lambda fluid, T, p: p / (fluid.specific_gas_constant * T),
+            T,
+            p,
+            least_slope=1e-3,
+            shares=(0.5, 1.3),
+            steps=40,
+        )
+
+    def _density_from(self, start, T, p, least_slope: float, shares: tuple, steps: int):
+        """Density [kg/m^3] at a temperature `T` [K] and a pressure `p` [Pa], by Newton's method.
+
+        Args:
+            start: [kg/m^3] function of the fluid, T and p.
+            T: [K]
+            p: [Pa]
+            least_slope: [-] of dp/drho that a step is made with, over that of the perfect gas.
+            shares: [-] lowest and highest density after a step, over that before it.
+            steps: of the method.
+        """
+        low, high = shares
+
         def misfit(rho, inputs):
             fluid, T, p = inputs
             return fluid.state(T, rho).p / p - 1
@@ -118,13 +143,10 @@ class AbstractFluid(Part):
 
             def newton(_, rho):
                 state = fluid.state(T, rho)
-                # Beyond the limit of the metastable gas dp/drho < 0 would turn the step round.
-                slope = jnp.maximum(state.dp_drho, 1e-3 * fluid.specific_gas_constant * T)
-                return jnp.clip(rho + (p - state.p) / slope, 0.5 * rho, 1.3 * rho)
+                slope = jnp.maximum(state.dp_drho, least_slope * fluid.specific_gas_constant * T)
+                return jnp.clip(rho + (p - state.p) / slope, low * rho, high * rho)
 
-            # From the perfect gas, which is thinner: p(rho) of a gas bends down, so the steps come
-            # from below and do not overshoot.
-            return lax.fori_loop(0, 40, newton, p / (fluid.specific_gas_constant * T))
+            return lax.fori_loop(0, steps, newton, start(fluid, T, p))
 
         return root(SmallSystem(misfit, solve, (self, T, p)))
 

@@ -4,15 +4,12 @@ from abc import abstractmethod
 from typing import Any, TypeGuard
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import Bound
-from .._core.roots import root
-from ._base import AbstractFluid, GasState, SmallSystem
+from ._base import AbstractFluid, GasState
 from ._helmholtz import Saturation
 
 # [K] by which gas may be colder than saturation, for pressures that are given in few digits
@@ -27,7 +24,7 @@ class AbstractRealGas(AbstractFluid):
     @property
     @abstractmethod
     def condenses(self) -> bool:
-        """Whether it has a dew line: that of a natural gas lies below all temperatures of a machine."""
+        """True with a dew line: that of a natural gas lies below all temperatures of a machine."""
 
     @property
     @abstractmethod
@@ -98,28 +95,46 @@ class AbstractRealGas(AbstractFluid):
         slightly too warm for its pressure is found as well.
         """
 
-        def misfit(rho, inputs):
-            fluid, T, p = inputs
-            return fluid.state(T, rho).p / p - 1
-
-        def solve(inputs):
-            fluid, T, p = inputs
-
-            def newton(_, rho):
-                state = fluid.state(T, rho)
-                # Near the critical point the slope goes to zero, and a step would leave the liquid.
-                slope = jnp.maximum(state.dp_drho, 1e-2 * fluid.specific_gas_constant * T)
-                return jnp.clip(rho + (p - state.p) / slope, 0.95 * rho, 1.05 * rho)
-
-            # p(rho) of a liquid bends up: from any density the second step is on the steep side, and
-            # Newton's method comes down to the root without passing it.
-            return lax.fori_loop(0, 12, newton, fluid.boiling_density(T))
-
-        return self.state(T, root(SmallSystem(misfit, solve, (self, T, p))))
+        # p(rho) of a liquid bends up: from any density the second step is on the steep side, and
+        # Newton's method comes down to the root without passing it. Near the critical point the slope
+        # goes to zero, and a step would leave the liquid.
+        density = self._density_from(
+            lambda fluid, T, p: fluid.boiling_density(T),
+            T,
+            p,
+            least_slope=1e-2,
+            shares=(0.95, 1.05),
+            steps=12,
+        )
+        return self.state(T, density)
 
     def _require(self, name: str, value, bound: Bound, why: str) -> None:
         if not np.all(bound.inside(np.asarray(value))):
             raise BadInput(name, value, f"{bound} {why} {self.name}")
+
+
+def state_of_terms(T, rho, R, ideal, residual) -> GasState:
+    """The gas at a temperature [K] and density [kg/m^3], from its Helmholtz energy over R T.
+
+    Args:
+        T: [K]
+        rho: [kg/m^3]
+        R: [J/(kg K)] specific gas constant.
+        ideal: a0, tau a0_tau, tau^2 a0_tautau, as `ideal_terms` gives them.
+        residual: as `residual_terms` gives it.
+    """
+    a0, a0_t, a0_tt = ideal
+    ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual
+    return GasState(
+        T,
+        rho,
+        p=rho * R * T * (1 + ar_d),
+        u=R * T * (a0_t + ar_t),
+        s=R * (a0_t + ar_t - a0 - ar),
+        c_v=-R * (a0_tt + ar_tt),
+        dp_dT=rho * R * (1 + ar_d - ar_dt),
+        dp_drho=R * T * (1 + 2 * ar_d + ar_dd),
+    )
 
 
 def has_dew_line(fluid: object) -> TypeGuard[AbstractRealGas]:

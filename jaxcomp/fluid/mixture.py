@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import Bound, is_traced, quantity
 from .._core.roots import root
-from ._base import GasState, SmallSystem
+from ._base import SmallSystem
 from ._blends import Blend, blend, component_name, stored_lines
 from ._helmholtz import Saturation, ideal_terms, residual_terms
 from ._multi_fluid import (
@@ -25,7 +25,7 @@ from ._multi_fluid import (
     multi_fluid,
     pairs_of,
 )
-from ._real import NEAR_SATURATION, AbstractRealGas
+from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms
 from ._saturation_lines import (
     BUBBLE_DENSITY,
     BUBBLE_PRESSURE,
@@ -182,17 +182,7 @@ class Mixture(AbstractRealGas):
         # A paper's own gas constant multiplies all of the component's ideal part, and so ln(rho) too.
         a0 = a0 + (x @ table.ratio - 1) * jnp.log(density)
         residual = residual_terms(table.residual_at(x), T_r / T, density * v_r)
-        ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual
-        return GasState(
-            T,
-            rho,
-            p=rho * R * T * (1 + ar_d),
-            u=R * T * (a0_t + ar_t),
-            s=R * (a0_t + ar_t - a0 - ar),
-            c_v=-R * (a0_tt + ar_tt),
-            dp_dT=rho * R * (1 + ar_d - ar_dt),
-            dp_drho=R * T * (1 + 2 * ar_d + ar_dd),
-        )
+        return state_of_terms(T, rho, R, (a0, a0_t, a0_tt), residual)
 
     def transport(self, T, rho):
         """Viscosity [Pa s] and thermal conductivity [W/(m K)] of the gas, by mixing rules: an estimate.

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
-from ._base import GasState, SmallSystem
+from ._base import SmallSystem
 from ._blends import blends
 from ._helmholtz import (
     Saturation,
@@ -24,7 +24,7 @@ from ._helmholtz import (
     residual_terms,
     saturation_curve,
 )
-from ._real import NEAR_SATURATION, AbstractRealGas
+from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms
 from .mixture import Mixture
 
 
@@ -124,18 +124,9 @@ class RealGas(AbstractRealGas):
         R = data["gas_constant"]
         tau = data["T_r"] / T
         delta = rho / data["rho_r"]
-        a0, a0_t, a0_tt = ideal_terms(data["ideal"], tau, delta)
-        ar, ar_d, ar_dd, ar_t, ar_tt, ar_dt = residual_terms(data["residual"], tau, delta)
-        return GasState(
-            T,
-            rho,
-            p=rho * R * T * (1 + ar_d),
-            u=R * T * (a0_t + ar_t),
-            s=R * (a0_t + ar_t - a0 - ar),
-            c_v=-R * (a0_tt + ar_tt),
-            dp_dT=rho * R * (1 + ar_d - ar_dt),
-            dp_drho=R * T * (1 + 2 * ar_d + ar_dd),
-        )
+        ideal = ideal_terms(data["ideal"], tau, delta)
+        residual = residual_terms(data["residual"], tau, delta)
+        return state_of_terms(T, rho, R, ideal, residual)
 
     def transport(self, T, rho):
         data = self.data

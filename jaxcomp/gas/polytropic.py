@@ -76,9 +76,10 @@ class PolytropicCycle(AbstractGas):
         return self.suction_pressure if self.back_pressure is None else self.back_pressure
 
     @property
+    @eqx.filter_jit  # one program where it is asked outside of others
     def delivers(self) -> Bool[Array, ""]:
         """Whether the compression reaches the discharge pressure, so that gas flows."""
-        return _delivers(self)
+        return 1 + self.clearance_ratio > self.clearance_ratio * self._opening
 
     @property
     def filling(self) -> Float[Array, ""]:
@@ -116,9 +117,3 @@ class PolytropicCycle(AbstractGas):
         discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
         suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
         return (discharge, True), (suction, False)
-
-
-@eqx.filter_jit  # one program where it is asked outside of others
-def _delivers(gas: PolytropicCycle) -> Bool[Array, ""]:
-    opening = gas._opening  # noqa: SLF001
-    return 1 + gas.clearance_ratio > gas.clearance_ratio * opening

@@ -24,7 +24,7 @@ import numpy as np
 from valves_anywhere import Machine, scattered
 
 from jaxcomp import Compressor, ConstantSpeed, SlipLine, Status, simulate, solve_orbit
-from jaxcomp._core.status import status_names
+from jaxcomp._core.status import names_of_codes
 from jaxcomp.crank import TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Plenum, SuctionWarming, WallNetwork
@@ -116,7 +116,7 @@ KINDS = {"cylinders": cylinders, "walls": walls, "warming": warming, "light": li
 
 def name_of(status: Status) -> str:
     """The name of a status."""
-    return next(name for name in status_names() if bool(status == getattr(Status, name)))
+    return str(names_of_codes(np.asarray(status._value)))
 
 
 def solved_in_time(compressor: Compressor) -> tuple[str, float]:

@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[2] / "jaxcomp"
 # A docstring that opens so says that there is something, and not what it is.
-NO_SUBJECT = re.compile(r"(What|How|The same|Of |As |With |Without |So |[a-z]\.)")
+NO_SUBJECT = re.compile(r"(What|How|Whether it |The same|Of |As |With |Without |So |[a-z]\.)")
 # Names of coordinates and counts may share a line: `x, y = 1.0, 2.0`.
 SHORT = re.compile(r"[a-z]_?\w?")
 COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)

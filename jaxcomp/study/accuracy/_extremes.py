@@ -230,14 +230,18 @@ def _has_valves(compressor: Compressor) -> bool:
     return isinstance(compressor.gas, Cylinder)
 
 
+def _scaled_valves(compressor: Compressor, name: str, factor: float) -> tuple[Any, int]:
+    """Both valves with a number multiplied, and how many numbers these are."""
+    gas: Any = compressor.gas
+    return scaled((gas.suction_valve, gas.discharge_valve), f".{name}", factor)
+
+
 def _times_of_valves(name: str) -> Callable[[Compressor, float], Compressor]:
     """The machine with a number of both valves multiplied."""
 
     def change(compressor: Compressor, factor: float) -> Compressor:
-        gas = compressor.gas
-        for valve in ("suction_valve", "discharge_valve"):
-            changed, _ = scaled(getattr(gas, valve), f".{name}", factor)
-            gas = replaced(gas, **{valve: changed})
+        (suction, discharge), _ = _scaled_valves(compressor, name, factor)
+        gas = replaced(compressor.gas, suction_valve=suction, discharge_valve=discharge)
         return replaced(compressor, gas=gas)
 
     return change
@@ -245,14 +249,9 @@ def _times_of_valves(name: str) -> Callable[[Compressor, float], Compressor]:
 
 def _valves_have(name: str) -> Callable[[Compressor], bool]:
     """Whether a machine has valves with such a number."""
-
-    def has(compressor: Compressor) -> bool:
-        if not _has_valves(compressor):
-            return False
-        gas: Any = compressor.gas
-        return bool(scaled((gas.suction_valve, gas.discharge_valve), f".{name}", 1.0)[1])
-
-    return has
+    return lambda compressor: (
+        _has_valves(compressor) and _scaled_valves(compressor, name, 1.0)[1] > 0
+    )
 
 
 def _at_speed(compressor: Compressor, factor: float) -> Compressor:
