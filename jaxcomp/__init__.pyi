@@ -9,6 +9,7 @@ from . import machine as machine
 from . import mechanism as mechanism
 from . import motor as motor
 from . import parts as parts
+from . import piping as piping
 from . import plot as plot
 from . import report as report
 from . import rotor as rotor

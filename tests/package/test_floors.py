@@ -16,7 +16,7 @@ PACKAGE = Path(jaxcomp.__file__).parent
 # From the ground up, which is `_core`.
 FLOORS = [
     {"parts", "mechanism", "gas", "film", "motor", "fluid"},
-    {"friction", "valve"},
+    {"friction", "valve", "piping"},
     {"crankshaft"},
     {"cylinder"},
     {"compressor"},

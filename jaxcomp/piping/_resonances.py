@@ -1,0 +1,106 @@
+"""Frequencies at which a network rings by itself while its flanges are shut."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Complex, Float
+
+from ._gas import PipeGas
+from ._network import Network, impedances, no_drag, tableau, transfers
+
+# Places of the search over frequency: peaks nearer than this share of the range may be taken as one.
+_PLACES = 4000
+_STEPS = 12
+# [-] Roots nearer than this are one.
+_SAME = 1e-6
+
+
+class Resonances(NamedTuple):
+    """Resonances of a network with its flanges shut, from the lowest.
+
+    Attributes:
+        frequency: [Hz] (r,) natural.
+        quality: [-] (r,) Q, frequency over the width of the peak.
+        root: [1/s] (r,) s of the free vibration.
+    """
+
+    frequency: Float[Array, " r"]
+    quality: Float[Array, " r"]
+    root: Complex[Array, " r"]
+
+
+def _matrix(network: Network, gas: PipeGas, s):
+    return tableau(network, gas, s, transfers(network, gas, s, no_drag(network)))
+
+
+def _null_vectors(matrix):
+    """Right and left vector of the smallest singular value."""
+    left, _, right = jnp.linalg.svd(matrix)
+    return right[-1].conj(), left[:, -1]
+
+
+def _newton(network: Network, gas: PipeGas, start):
+    """Root near a start, by Newton's method on y^H T(s) x."""
+
+    def advance(_, s):
+        matrix, slope = jax.jvp(lambda s: _matrix(network, gas, s), (s,), (jnp.ones_like(s),))
+        right, left = _null_vectors(matrix)
+        return s - (left.conj() @ matrix @ right) / (left.conj() @ slope @ right)
+
+    return lax.fori_loop(0, _STEPS, advance, start)
+
+
+def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Complex[Array, ""]:
+    """Root s [1/s] of the network's free vibration near a start, with its first derivatives.
+
+    These come from the same vectors: s' = -(y^H T' x)/(y^H T_s x).
+
+    Args:
+        network: of `network_of`.
+        gas: in it.
+        start: [1/s]
+    """
+    fixed = lax.stop_gradient((network, gas))
+    s = lax.stop_gradient(_newton(*fixed, start))
+    matrix, slope = jax.jvp(lambda s: _matrix(*fixed, s), (s,), (jnp.ones_like(s),))
+    right, left = lax.stop_gradient(_null_vectors(matrix))
+    weight = lax.stop_gradient(left.conj() @ slope @ right)
+    return s - (left.conj() @ _matrix(network, gas, s) @ right) / weight
+
+
+def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
+    """Resonances of a network with its flanges shut.
+
+    Outside of `jit`, as their number is found by the way; derivatives are those of `root_near`.
+
+    Args:
+        network: of `network_of`.
+        gas: in it.
+        highest: [Hz] up to which they are sought.
+    """
+    frequency = np.linspace(highest / _PLACES, highest, _PLACES)
+    fixed = lax.stop_gradient((network, gas))
+    size = np.abs(np.asarray(jax.jit(impedances)(*fixed, frequency)))
+    peaks = []
+    for flange in range(size.shape[1]):
+        height = size[:, flange, flange]
+        inner = (height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:])
+        peaks += list(frequency[1:-1][inner])
+    if not peaks:
+        none = jnp.zeros(0)
+        return Resonances(none, none, none + 0j)
+    starts = 2j * np.pi * jnp.asarray(sorted(peaks))
+    roots = np.asarray(jax.jit(jax.vmap(_newton, (None, None, 0)))(*fixed, starts))
+    distinct = []
+    for root in sorted(roots, key=lambda root: root.imag):
+        inside = 0 < root.imag <= 2 * np.pi * highest * (1 + 1e-9)
+        if inside and all(abs(root - other) > _SAME * abs(root) for other in distinct):
+            distinct.append(root)
+    followed = jax.vmap(root_near, (None, None, 0))(network, gas, jnp.asarray(distinct))
+    damping = jnp.abs(followed.real)
+    # without losses Q has no bound
+    quality = followed.imag / (2 * jnp.maximum(damping, 1e-12 * followed.imag))
+    return Resonances(followed.imag / (2 * np.pi), quality, followed)
