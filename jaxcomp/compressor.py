@@ -3,7 +3,7 @@
 A part that is absent is `None`, and nothing of it is traced.
 """
 
-from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from .cylinder import Cylinder
 from .cylinder.interface import ports_fit
 from .friction import AbstractFriction, JointLoads
 from .friction.interface import closed
-from .gas import AbstractGas, DoubleActing, StagedCycle, Stroke
+from .gas import AbstractGas, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed
 
@@ -354,9 +354,9 @@ def crank_end_pressure(
     compressor: Compressor, angle: Float[Array, "*n"], sense=1.0
 ) -> Float[Array, "k *n"] | None:
     """That behind double-acting pistons; `None` for a gas on one side only."""
-    if not isinstance(compressor.gas, DoubleActing):
+    if not hasattr(compressor.gas, "crank_end_pressure"):
         return None
-    gas = compressor.crankshaft.each(compressor.gas, angle)
+    gas: Any = compressor.crankshaft.each(compressor.gas, angle)
     return gas.crank_end_pressure(stroke_at(compressor, angle, sense))
 
 

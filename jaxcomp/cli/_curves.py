@@ -14,6 +14,8 @@ from .._core.each import of_cylinder
 from ..cylinder.interface import SeveralCycles
 
 _TURN = 2 * np.pi
+# Words behind the names of the columns of a head end and of a crank end.
+_OF_SIDE = ("", ".crank_end")
 # Columns of a cycle that are not those of the orbit, by the name that they have beside those.
 _OF_GAS = {
     "volume [m^3]": "volume{} [m^3]",
@@ -101,15 +103,25 @@ def _of_gas(found: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
             stroke = top - mechanism.piston(own)[0]
             out[f"displaced_volume{several} [m^3]"] = np.asarray(mechanism.piston_area * stroke)
             continue
-        one: Any = cycle
-        if isinstance(cycle, SeveralCycles):
-            one = jax.tree.map(itemgetter(number), cycle.each)
-        at = np.asarray(one.angle)
-        for name, values in one.columns().items():
-            shown = _OF_GAS.get(name)
-            if name.startswith(("lift.", "flow.", "plenum_pressure.")):
-                head, bracket, unit = name.partition(" [")
-                shown = f"{head}{{}}{bracket}{unit}"
-            if shown is not None:
-                out[shown.format(several)] = np.interp(own, at, values, period=_TURN)
+        if not isinstance(cycle, SeveralCycles):
+            out |= _of_cycle(cycle, own, several)
+            continue
+        for side in range(cycle.sides):
+            end: Any = jax.tree.map(itemgetter(cycle.sides * number + side), cycle.each)
+            # The crank end counts its own angle from half a revolution later.
+            out |= _of_cycle(end, own + side * np.pi, _OF_SIDE[side] + several)
+    return out
+
+
+def _of_cycle(cycle: Any, angle: np.ndarray, suffix: str) -> dict[str, Any]:
+    """Volume, temperature and mass of the gas, lifts and flows of a cycle at its own crank angles."""
+    out = {}
+    at = np.asarray(cycle.angle)
+    for name, values in cycle.columns().items():
+        shown = _OF_GAS.get(name)
+        if name.startswith(("lift.", "flow.", "plenum_pressure.")):
+            head, bracket, unit = name.partition(" [")
+            shown = f"{head}{{}}{bracket}{unit}"
+        if shown is not None:
+            out[shown.format(suffix)] = np.interp(angle, at, values, period=_TURN)
     return out

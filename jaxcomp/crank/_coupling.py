@@ -45,6 +45,7 @@ from ..cylinder.interface import (
     no_solution,
     of_each,
     pace_of,
+    phase_of_ends,
     solution_of,
     solve_cycles,
     unsolved,
@@ -146,7 +147,7 @@ def _coupled(compressor: Compressor, solver, even: bool, known: tuple | None):
         return known, _motion_of(compressor, known, even), jnp.asarray(True)
     # nothing is known of a cycle and an orbit before the first step
     nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
-    phase = compressor.crankshaft.distinct_phase
+    phase = _phase_of_cycles(compressor)
     steady = None if even else pace_of(nothing, jnp.zeros_like, phase)
     rise = first_rise(compressor)
     still = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS)
@@ -225,7 +226,7 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
     if not even:
         slow = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
         own = Pace(orbit.panel_edges, slow - 1)
-        phase = compressor.crankshaft.distinct_phase
+        phase = _phase_of_cycles(compressor)
         pace = pace_of(solution_of(cycle, followed=True), own.at, phase)
         level = jnp.log(orbit.mean_speed / compressor.motor.speed_guess)
     return Motion(level, pace, None if rise is None else rise / _KELVINS)
@@ -316,6 +317,12 @@ def _followed_cycles(compressor: Compressor, speed, pace, found: Cycle | Several
 def _cylinders(compressor: Compressor):
     """The mechanism of every cylinder, and their phases [rad]."""
     return mechanisms_of(compressor), compressor.crankshaft.distinct_phase
+
+
+def _phase_of_cycles(compressor: Compressor) -> Float[Array, " k"]:
+    """[rad] Own crank angle of every cycle less that of the crank."""
+    assert isinstance(compressor.gas, Cylinder)
+    return phase_of_ends(compressor.gas, compressor.crankshaft.distinct_phase)
 
 
 def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:

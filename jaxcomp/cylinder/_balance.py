@@ -299,7 +299,7 @@ def _leakage(case: Case, inside: Side, suction: Side, inward, transport):
         return jnp.zeros(()), inside.h
     viscosity = transport[0] if gap.viscosity is None else gap.viscosity
     inward = suction.p > inside.p if inward is None else inward
-    flow = gap.flow(inside, suction, case.bore, viscosity)
+    flow = gap.flow(inside, suction, case.sealed_diameter, viscosity)
     return flow, jnp.where(inward, suction.h, inside.h)
 
 
@@ -321,7 +321,7 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
     mu = transport[0] if law.viscosity is None else law.viscosity
     conductivity = transport[1] if law.conductivity is None else law.conductivity
     area = case.mechanism.piston_area
-    wall_area = 2 * area + 4 * volume / case.bore
+    wall_area = 2 * area + 4 * volume / case.gap_between_walls
     at = HeatInput(
         rho=gas.rho,
         prandtl=gas.c_p * mu / conductivity,

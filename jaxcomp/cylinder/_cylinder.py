@@ -19,7 +19,9 @@ from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
 from ..valve.interface import Side, critical_ratio
 from ._lines import DischargeLine, SuctionLine
+from ._piston_end import PistonEnd
 from ._plenum import Plenum
+from .crank_end import CrankEnd
 from .heat._base import AbstractHeat
 from .laminar_gap import LaminarGap
 from .wall_network import WallNetwork
@@ -44,12 +46,16 @@ class Cylinder(AbstractGas):
         wall_temperature: [K] of cylinder, head and piston; needed for heat transfer. With `walls` the
             guess of the periodic state, and what a run in time holds.
         heat: correlation of the heat transfer; adiabatic if absent.
-        leakage: past the piston; tight if absent.
+        leakage: past the piston, to the gas of the suction line, or to the crank end where there is one;
+            tight if absent.
         walls: conductances that decide the wall's temperature; `wall_temperature` holds if absent.
+        crank_end: compression on the rod's side of the piston as well; single-acting if absent. The
+            entries of the cylinder are then those of its head end.
 
     Raises:
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
-            evaporating and the critical one, gas above its dew temperature and liquid below it.
+            evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
+            a double-acting cylinder.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -71,8 +77,12 @@ class Cylinder(AbstractGas):
     heat: AbstractHeat | None = None
     leakage: LaminarGap | None = None
     walls: WallNetwork | None = None
+    crank_end: CrankEnd | None = None
 
     def __check_init__(self):
+        if self.walls is not None and self.crank_end is not None:
+            bound = "absent with a crank_end: give wall_temperature"
+            raise BadInput("walls", "given", bound)
         if self.walls is not None:
             if self.heat is None:
                 raise ValueError("`walls` need a `heat`, by which the gas reaches them.")
@@ -115,14 +125,23 @@ class Cylinder(AbstractGas):
         return self.suction_valve, self.discharge_valve
 
     @property
+    def rod_diameter(self) -> Float[Array, ""] | None:
+        """[m] of the piston rod; `None` of a single-acting cylinder."""
+        return None if self.crank_end is None else self.crank_end.rod_diameter
+
+    @property
     def plenums(self) -> tuple[Plenum, ...]:
         """Those before the suction valve, then those behind the discharge valve."""
         return (*self.suction.plenums, *self.discharge.plenums)
 
     @property
     def inert(self) -> bool:
-        """Whether the gas in both ports has inertia, so that reversals are events."""
-        return all(valve.port_length is not None for valve in self.valves)
+        """Whether the gas in all ports has inertia, so that reversals are events."""
+        valves = self.valves
+        if self.crank_end is not None:
+            both = self.crank_end.suction_valve, self.crank_end.discharge_valve
+            valves += tuple(valve for valve in both if valve is not None)
+        return all(valve.port_length is not None for valve in valves)
 
 
 class _Limit(NamedTuple):
@@ -271,8 +290,17 @@ def _critical(fluid: AbstractRealGas) -> str:
 
 
 def ports_fit(cylinder: Cylinder, mechanism: AbstractMechanism) -> tuple[Bool[Array, "*k"], ...]:
-    """Whether the ports of suction and discharge valve are narrower than the piston."""
-    return tuple(valve.port_area < mechanism.piston_area for valve in cylinder.valves)
+    """Whether the ports of suction and discharge valve are narrower than the piston, less its rod."""
+    area = mechanism.piston_area
+    crank_end = cylinder.crank_end
+    if crank_end is None:
+        return tuple(valve.port_area < area for valve in cylinder.valves)
+    around = area - jnp.pi / 4 * crank_end.rod_diameter**2
+    at_crank = crank_end.suction_valve, crank_end.discharge_valve
+    return tuple(
+        (valve.port_area < area) & ((other or valve).port_area < around)
+        for valve, other in zip(cylinder.valves, at_crank, strict=True)
+    )
 
 
 class Pace(eqx.Module):
@@ -306,7 +334,7 @@ class Case(eqx.Module):
     """A cylinder on its mechanism at a speed, with everything that is constant over a revolution."""
 
     cylinder: Cylinder  # the gas side
-    mechanism: AbstractMechanism  # the piston's motion
+    mechanism: AbstractMechanism | PistonEnd  # the piston's motion
     speed: Float[Array, ""]  # [rad/s] mean speed of the crank
     pace: Pace | None  # of the crank; `None` at constant speed
     # the gas at the two valves
@@ -331,7 +359,23 @@ class Case(eqx.Module):
     @property
     def bore(self) -> Float[Array, ""]:
         """[m] of a round piston of that area."""
+        if isinstance(self.mechanism, PistonEnd):
+            return self.mechanism.bore
         return jnp.sqrt(4 / jnp.pi * self.mechanism.piston_area)
+
+    @property
+    def gap_between_walls(self) -> Float[Array, ""]:
+        """[m] Four volumes over the area of the walls along the stroke: the bore, less a rod in it."""
+        if isinstance(self.mechanism, PistonEnd):
+            return self.mechanism.bore - self.mechanism.rod_diameter
+        return self.bore
+
+    @property
+    def sealed_diameter(self) -> Float[Array, ""]:
+        """[m] of the gap through which gas leaks to that of the suction line."""
+        if isinstance(self.mechanism, PistonEnd):
+            return self.mechanism.sealed_diameter
+        return self.bore
 
     def speed_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
         """[rad/s]"""
@@ -354,6 +398,9 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         speed: [rad/s] mean speed of the crank.
         pace: how unevenly the revolution passes; constant speed if absent.
     """
+    if cylinder.crank_end is not None:
+        bound = "absent here, where one end is solved: `solve_orbit` solves both, at any speed"
+        raise BadInput("gas.crank_end", "given", bound)
     if cylinder.suction.warming is not None:
         bound = (
             "absent for gas without its crank, whose losses warm it; `heating` is a constant rise"

@@ -11,9 +11,10 @@ from jaxtyping import Array, Bool, Float
 from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.status import Status
+from ..gas import AbstractGas
 from ._cycle import Cycle, nonzero, whole_cycle
 from ._cylinder import Case
-from ._panels import SolvedPressure
+from ._solved_ends import ends_under
 
 
 def _combined(combine, name: str, doc: str) -> Any:
@@ -57,10 +58,13 @@ class SeveralCycles(Result, eqx.Module):
     Attributes:
         each: the cycles; every entry with a leading axis of k.
         together: what was solved of cylinders that share plenums, and where a similar machine may start.
+        sides: ends of every cylinder: 2 of double-acting ones, whose cycles are those of head end and
+            crank end in turn, each by its own crank angle.
     """
 
     each: Cycle
     together: Any = None
+    sides: int = eqx.field(static=True, default=1)
 
     table_dims: ClassVar[tuple[str, ...]] = ()
 
@@ -156,12 +160,14 @@ class SeveralCycles(Result, eqx.Module):
         """[rad] Own crank angle at which each valve of the first cylinder shuts for the last time."""
         return self.first.closing_angles
 
-    def gas(self) -> SolvedPressure:
+    def gas(self) -> AbstractGas:
         """The pressures as a gas that is prescribed over the crank angle of every cylinder."""
         gas = jax.vmap(lambda cycle: cycle.gas())(self.each)
-        if self.together is None:
-            return gas
-        # all have the same edges: each cylinder names some of them
-        count = gas.edges.shape[0]
-        own = [gas.edges[i, 1 + i :: count] for i in range(count)]
-        return replaced(gas, kinks=jnp.stack(own))
+        if self.together is not None:
+            # all of a group have the same edges: each cylinder names some of them
+            ends = gas.edges.shape[0]
+            groups = self.together.z.edges.shape[0] if self.together.z.edges.ndim > 1 else 1
+            count = ends // groups
+            own = [gas.edges[i, 1 + i % count :: count] for i in range(ends)]
+            gas = replaced(gas, kinks=jnp.stack(own))
+        return gas if self.sides == 1 else ends_under(gas, self.each.case.mechanism)

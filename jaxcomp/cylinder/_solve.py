@@ -20,6 +20,7 @@ from ._balance import FLAGS, STATES, Accounts
 from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
+from ._ends import Ends, ends_of, grouping, has_ends
 from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
 from ._march import Record
 from ._options import COARSE, CycleOptions
@@ -169,7 +170,8 @@ def solve_cycles(
     """The periodic cycles of the cylinders of an admissible crankshaft, between the same lines.
 
     With plenums these are shared, and the cylinders are solved together, with panels for each of them;
-    without any every cylinder is solved by itself, and cylinders that are the same once.
+    without any every cylinder is solved by itself, and cylinders that are the same once. The ends of
+    double-acting cylinders are cylinders of their own, together where gas passes the rings.
 
     Args:
         cylinder: gas, valves and lines of every cylinder.
@@ -180,6 +182,9 @@ def solve_cycles(
         pace: as `pace_of` gives it; constant speed if absent.
         start: as `solution_of` or `no_solution` give it.
     """
+    if has_ends(cylinder):
+        ends = ends_of(cylinder, mechanisms, phase)
+        return _of_ends(partial(_solved_ends, options=options), ends, speed, pace, start)
     if len(mechanisms) == 1:
         return _solved(cylinder, mechanisms[0], speed, options, pace, start)
     if cylinder.plenums:
@@ -212,6 +217,10 @@ def follow_cycles(
 
     if isinstance(found, Cycle):
         return one(mechanisms[0], pace, found)
+    if has_ends(cylinder):
+        ends = ends_of(cylinder, mechanisms, phase)
+        followed = _of_ends(_followed_ends, ends, speed, pace, solution_of(found))
+        return eqx.tree_at(lambda c: c.each.status, followed, found.each.status)
     if found.together is None:
         return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
     system = _together(cylinder, stacked(mechanisms), phase, speed, pace)
@@ -247,6 +256,9 @@ def pace_of(
         return Pace(edges, jax.vmap(jax.vmap(excess))(angle - phase))
 
     edges = found.z.edges
+    if edges.ndim > 1 and edges.shape[0] < phase.size:
+        # Groups of several, each solved over the angle of the crank.
+        return jax.vmap(on)(edges, jnp.zeros(edges.shape[0]))
     if edges.ndim > 1:
         return jax.vmap(on)(edges, phase)
     return on(edges, phase[0] if phase.size == 1 else jnp.zeros(()))
@@ -284,12 +296,67 @@ def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, 
     return cycles_of(*_found(system, options.of_several(phase.shape[0]), start))
 
 
-def _together(cylinder, mechanisms, phase, speed, pace) -> Cylinders:
-    def one(mechanism, phase):
+def _together(
+    cylinder, mechanisms, phase, speed, pace, *, stacked_lines: bool = False
+) -> Cylinders:
+    """Cylinders that are solved together; with `stacked_lines` the gas side has an axis of them."""
+
+    def one(cylinder, mechanism, phase):
         own = None if pace is None else Pace(pace.edges + phase, pace.excess)
         return prepare(cylinder, mechanism, speed, own)
 
-    return Cylinders(jax.vmap(one)(mechanisms, phase), phase)
+    over = jax.vmap(one, (0 if stacked_lines else None, 0, 0))
+    return Cylinders(over(cylinder, mechanisms, phase), phase)
+
+
+def _of_ends(solve: Callable, ends: Ends, speed, pace, start) -> SeveralCycles:
+    """Cycles of the ends of all cylinders, group by group.
+
+    Args:
+        solve: cycles of the ends of one group, from the ends, speed, pace and start.
+        ends: of all cylinders.
+        speed: [rad/s] mean speed of the crank.
+        pace, start: of every group, with an axis of them where there are several.
+    """
+    grouping = ends.grouping
+    several = grouping.groups > 1
+    if several:
+        over_groups = eqx.filter_vmap(lambda ends, pace, start: solve(ends, speed, pace, start))
+        cycles = over_groups(ends.grouped(), pace, start)
+        each = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), cycles.each)
+        cycles = SeveralCycles(each, cycles.together)
+    else:
+        cycles = solve(ends, speed, pace, start)
+    together = cycles.together if grouping.together > 1 else None
+    return SeveralCycles(cycles.each, together, grouping.sides)
+
+
+def _system_of_ends(ends: Ends, speed, pace) -> Cylinders:
+    """The ends of a group: alone on the pace over its own crank angle, several over the crank's."""
+    if ends.phase.size == 1:
+        cylinder, piston = jax.tree.map(lambda leaf: leaf[0], (ends.cylinders, ends.pistons))
+        return Cylinders(prepare(cylinder, piston, speed, pace), jnp.zeros(1))
+    return _together(ends.cylinders, ends.pistons, ends.phase, speed, pace, stacked_lines=True)
+
+
+def _cycles_of_group(system: Cylinders, found: CycleSolution, marching: bool) -> SeveralCycles:
+    if system.count > 1:
+        return cycles_of(system, found, marching)
+    alone = cycle_of(system, found, marching)
+    return SeveralCycles(jax.tree.map(lambda leaf: leaf[None], alone))
+
+
+@eqx.filter_jit
+def _solved_ends(ends: Ends, speed, pace, start, options: CycleOptions) -> SeveralCycles:
+    system = _system_of_ends(ends, speed, pace)
+    count = system.count
+    return _cycles_of_group(
+        *_found(system, options if count == 1 else options.of_several(count), start)
+    )
+
+
+def _followed_ends(ends: Ends, speed, pace, found: CycleSolution) -> SeveralCycles:
+    return _cycles_of_group(_system_of_ends(ends, speed, pace), found, False)
 
 
 def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
@@ -386,7 +453,8 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
     cycle = cycle if followed else lax.stop_gradient(cycle)
     if isinstance(cycle, SeveralCycles):
         together = cycle.together
-        return together._replace(marched=together.z, solved=is_solved(cycle.each))
+        solved = jnp.broadcast_to(is_solved(cycle.each), jnp.shape(together.solved))
+        return together._replace(marched=together.z, solved=solved)
     mesh, z, _ = cycle.raw
     totals = (jnp.stack(cycle.totals) / account_scales(cycle.case))[None]
     return CycleSolution(
@@ -466,6 +534,12 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
 
 def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:
     """Solution of `count` cylinders before the first round; without plenums, of each of them."""
+    if has_ends(cylinder):
+        ends = grouping(cylinder, count)
+        size = ends.together * STATES + PER_PLENUM * len(cylinder.plenums)
+        own_options = options if ends.together == 1 else options.of_several(ends.together)
+        nothing = _nothing(ends.together, size, own_options)
+        return nothing if ends.groups == 1 else over_cylinders(nothing, ends.groups)
     if count > 1 and not cylinder.plenums:
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own = STATES + (0 if cylinder.walls is None else OF_WALL)

@@ -12,11 +12,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ._balance import EVENTS, FLAGS, STATES, Rates, in_angle_and_state, initial, rates
+from ._balance import (
+    EVENTS,
+    FLAGS,
+    STATES,
+    Accounts,
+    Rates,
+    gas_in,
+    in_angle_and_state,
+    initial,
+    rates,
+)
 from ._cylinder import Case
 from ._events import after_event, jump, longest_step, passed, towards
+from ._piston_end import PistonEnd
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states
+from ._rings import with_ring_flow
 from .wall_network import OF_WALL, next_revolution
+
+_LEAKAGE = np.array([Accounts._fields.index(name) for name in ("leakage", "leakage_heat")])
 
 
 class Cylinders(eqx.Module):
@@ -49,6 +63,12 @@ class Cylinders(eqx.Module):
     def size(self) -> int:
         """Number of states, n."""
         return self.count * self.stride + PER_PLENUM * len(self.cases.cylinder.plenums)
+
+    @property
+    def leaks_between(self) -> bool:
+        """Whether every two neighbours are the ends of a cylinder with gas that passes the rings."""
+        piston = self.cases.mechanism
+        return self.count > 1 and isinstance(piston, PistonEnd) and piston.rings is not None
 
     @property
     def shared(self) -> Case:
@@ -95,6 +115,11 @@ class Cylinders(eqx.Module):
             return rates(case, angle, state, flags, speed=speed, pair=pair)
 
         found = self.each(one, self.own_angle(angle), own, flags.reshape(-1, FLAGS))
+        if self.leaks_between:
+            more, leaks = self._between_ends(angle, own, speed)
+            of_gas = found.state.at[:, :2].add(more)
+            accounts = found.accounts.at[:, _LEAKAGE].add(leaks)
+            found = found._replace(state=of_gas, accounts=accounts)
         slopes = found.state.ravel()
         if pair is not None:
             shared = self.shared
@@ -103,6 +128,19 @@ class Cylinders(eqx.Module):
             more = chain_rates(shared, pair, plenums, streams, pace)
             slopes = jnp.concatenate([slopes, more])
         return found._replace(state=slopes, events=found.events.ravel(), force=found.force.ravel())
+
+    def _between_ends(
+        self, angle, own: Float[Array, "k m"], speed=None
+    ) -> tuple[Float[Array, "k 2"], Float[Array, "k 2"]]:
+        """Rates of mass and temperature, and of the accounts of leakage, by gas past the rings."""
+        own_angle = self.own_angle(angle)
+        gases = self.each(gas_in, own_angle, own)
+        behind = jax.tree.map(_of_other_end, gases)
+
+        def one(case, angle, state, inside, behind):
+            return with_ring_flow(case, angle, state, (inside, behind), speed)
+
+        return self.each(one, own_angle, own, gases, behind)
 
     def jacobian(self, angle, state, flags):
         """Rates over the crank angle and event functions, with their derivatives in state and angle.
@@ -140,6 +178,20 @@ class Cylinders(eqx.Module):
             return both.reshape(-1, k * m + q), rows[:, :, 0].ravel()
 
         by_state, by_angle = among_all(of_state)
+        if self.leaks_between:
+
+            def between(angle, own):
+                more = self._between_ends(angle, own)[0]
+                return more, more
+
+            slopes = jax.jacfwd(between, (0, 1), has_aux=True)(angle, own)
+            (with_angle, with_own), more = slopes
+            rows = self.columns(0, 1)
+            state_1 = state_1.at[:, :2].add(more)
+            by_angle = by_angle.at[rows].add(with_angle.ravel())
+            columns = np.arange(k * m)
+            blocks = with_own.reshape(2 * k, k * m)
+            by_state = by_state.at[rows[:, None], columns].add(blocks)
         if q:
 
             def of_plenums(angle, plenums, streams):
@@ -217,3 +269,8 @@ class Cylinders(eqx.Module):
     @staticmethod
     def _joined(own, plenums):
         return jnp.concatenate([own.ravel(), plenums]) if plenums.size else own.ravel()
+
+
+def _of_other_end(values: Float[Array, " k"]) -> Float[Array, " k"]:
+    """Values of ends in pairs, each that of its neighbour."""
+    return values.reshape(-1, 2, *values.shape[1:])[:, ::-1].reshape(values.shape)

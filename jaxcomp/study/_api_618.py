@@ -167,7 +167,7 @@ def _ends(
             "crank": _ideal_end(gas.crank_end, source, displacement - rod),
         }
     elif isinstance(given, Cylinder) and orbit.cycle is not None:
-        ends = {"head": _end_with_valves(given, orbit.cycle, displacement)}
+        ends = _ends_with_valves(orbit.cycle)
     else:
         return {}
     stages = given.stages if isinstance(given, StagedCycle) else 1
@@ -195,12 +195,13 @@ def _ideal_end(cycle: PolytropicCycle, source: Any, displacement) -> dict[str, A
     }
 
 
-def _end_with_valves(given: Cylinder, cycle: Cycle | SeveralCycles, displacement) -> dict[str, Any]:
-    """A head end whose pressure was solved with the crank."""
+def _ends_with_valves(cycle: Cycle | SeveralCycles) -> dict[str, dict[str, Any]]:
+    """The ends of the cylinders, whose pressures were solved with the crank."""
 
     def numbers(cycle: Cycle):
-        low = cycle.case.suction
-        high = cycle.case.discharge
+        case = cycle.case
+        low = case.suction
+        high = case.discharge
         return {
             "suction_pressure": low.p,
             "discharge_pressure": high.p,
@@ -208,10 +209,18 @@ def _end_with_valves(given: Cylinder, cycle: Cycle | SeveralCycles, displacement
             "inlet_temperature": low.T,
             "discharge_temperature": cycle.discharge_temperature,
             "volumetric_efficiency": cycle.volumetric_efficiency,
+            "displacement": case.swept * cycle.frequency,
+            "clearance_ratio": case.cylinder.clearance_ratio,
         }
 
-    each = jax.vmap(numbers)(cycle.each) if isinstance(cycle, SeveralCycles) else numbers(cycle)
-    return {**each, "displacement": displacement, "clearance_ratio": given.clearance_ratio}
+    if not isinstance(cycle, SeveralCycles):
+        return {"head": numbers(cycle)}
+    each = jax.vmap(numbers)(cycle.each)
+    sides = ("head", "crank")[: cycle.sides]
+    ends = {}
+    for number, side in enumerate(sides):
+        ends[side] = {name: column[number :: cycle.sides] for name, column in each.items()}
+    return ends
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -28,7 +28,7 @@ from ..crank import (
 from ..crank.interface import film_thickness, moved_films
 from ..cylinder import Cycle
 from ..cylinder.interface import GRAZING
-from ..gas import DoubleActing, PolytropicCycle
+from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, rod_forces
 
@@ -128,7 +128,7 @@ class SteadyState(Result):
             yield Data(f"film_flow.{name}", "m^3/s", film.flow, at)
             for loss in ("shear_loss", "squeeze_loss", "contact_loss"):
                 yield Data(f"{loss}.{name}", "W", getattr(film, loss), at)
-        behind = crank_end_pressure(compressor, self.orbit.state.angle)
+        behind = crank_end_pressure(self.orbit.under_gas(compressor), self.orbit.state.angle)
         for number, pressure in enumerate(() if behind is None else behind, 1):
             several = f".{number}" if len(behind) > 1 else ""
             yield Data(f"crank_end_pressure{several}", "Pa", pressure, at)
@@ -292,7 +292,8 @@ def _numbers(
 def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
     """Reversal of the rod load at every crosshead pin; nothing of a machine without crossheads."""
     packed = getattr(compressor.friction, "packing", None) is not None
-    if not (packed or isinstance(compressor.gas, DoubleActing)):
+    double_acting = getattr(compressor.gas, "rod_diameter", None) is not None
+    if not (packed or double_acting):
         return {}
     return {
         name: {"angle": float(angle), "share": float(share)}
