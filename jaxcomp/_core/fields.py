@@ -146,8 +146,6 @@ class Part(eqx.Module):
 
     # Whether a single number may be a list with one value for each of several cylinders.
     for_each_cylinder: ClassVar[bool] = False
-    # Numbers with which something is solved when the part is made: studies do not move them.
-    of_construction: ClassVar[tuple[str, ...]] = ()
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         """Rules across fields, as {"what must hold": whether it holds}.
@@ -170,6 +168,17 @@ class Part(eqx.Module):
     def of_entries(cls, **entries: Any) -> "Part":
         """The part that these entries of a section describe, which a class may leave to another."""
         return cls(**entries)
+
+    def rewritten(self, old: "Part | None", source: str) -> dict[str, Any] | None:
+        """Section of a machine file for this part, where its entries do not show how it differs from
+        an old one.
+
+        Args:
+            old: the part that the section describes so far.
+            source: of values that differ.
+        """
+        del old, source
+        return None
 
     def __check_init__(self):
         for name, field in quantities(self):

@@ -34,10 +34,12 @@ class Phase(NamedTuple):
     Attributes:
         log_fugacity: (b, n) of [Pa].
         pressure: [Pa] (b,)
+        residual_energy: [-] (b,) internal energy above that of the ideal gas, over R T.
     """
 
     log_fugacity: NDArray
     pressure: NDArray
+    residual_energy: NDArray
 
 
 class PhaseModel:
@@ -115,7 +117,26 @@ class PhaseModel:
         potential = potential + tau_slope[:, None] * along_amount(T_slope) / T_r[:, None]
         ideal = self.model.gas_constant * T * density
         fugacity = np.log(x) + np.log(ideal)[:, None] + potential
-        return Phase(fugacity, ideal * (1 + delta_slope))
+        return Phase(fugacity, ideal * (1 + delta_slope), tau_slope)
+
+    def enthalpy(self, T, density, x, phase: Phase):
+        """[J/mol] (b,) of a phase, in the reference state of the mixture's ideal part."""
+        thermal = self.model.gas_constant * T
+        energy = self._ideal_energy(T, x) + phase.residual_energy
+        return thermal * energy + phase.pressure / density
+
+    def _ideal_energy(self, T, x):
+        """[-] (b,) internal energy of the ideal gas over R T."""
+        model = self.model
+        tau = (1 / T)[:, None]
+        amounts = model.ratio * x
+        energy = (amounts * (model.lead[:, 1] * tau + model.log)).sum(1)
+        n, t = model.ideal["power"].T
+        energy = energy + (amounts[:, model.ideal_of["power"]] * n * t * tau**t).sum(1)
+        n, c, d, theta = model.ideal["planck"].T
+        exponential = d * np.exp(theta * tau)
+        shares = n * theta * tau * exponential / (c + exponential)
+        return energy + (amounts[:, model.ideal_of["planck"]] * shares).sum(1)
 
     def _sums(self, tau, delta):
         """Energy and its slopes along ln(delta) and ln(tau) by group, (b, groups) each."""
@@ -317,10 +338,30 @@ def first_point(model: PhaseModel, components, T: float, z, dew: bool) -> tuple[
 def march(model: PhaseModel, components, z, least: float, dew: bool) -> Line | None:
     """Points along a line from a temperature [K] to near the critical point, or `None` without any."""
     line, good = first_point(model, components, least, z, dew)
-    if not good[0]:
+    return _continued(model, z, line) if good[0] else None
+
+
+def march_beside(model: PhaseModel, z, neighbour: Line) -> Line | None:
+    """Points along a line of mole fractions near those of another line, or `None` where that is too far.
+
+    All points of the neighbour are solved at once; only those near the critical point, which moves, are
+    marched to.
+    """
+    rows = np.tile(z, (neighbour.T.size, 1))
+    line, good = solved(model, rows, neighbour, 12)
+    apart = [separation(unknowns) > _NEAR_CRITICAL for unknowns in line.unknowns]
+    near = np.abs(line.unknowns[:, :2] - neighbour.unknowns[:, :2]).max(1) < 0.5
+    usable = good & near & np.array(apart)
+    count = usable.size if usable.all() else int(np.argmin(usable))
+    if count < 2:
         return None
-    points = [line.unknowns[0]]
-    T = [least]
+    return _continued(model, z, Line(line.T[:count], line.unknowns[:count]))
+
+
+def _continued(model: PhaseModel, z, line: Line) -> Line:
+    """A line with further points towards the critical point, in steps that halve where one fails."""
+    points = [*line.unknowns]
+    T = [*line.T]
     step = _MARCH
     while step > 0.5:
         after = T[-1] + step

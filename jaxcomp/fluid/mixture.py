@@ -1,6 +1,7 @@
 """Mixtures by the Helmholtz energies of their components: blends, natural gas, process gas."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import equinox as eqx
@@ -10,10 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import Bound, is_traced, quantity
+from .._core.fields import Bound, Part, is_traced, quantity, rebuilt
 from .._core.roots import root
 from ._base import SmallSystem
-from ._blends import Blend, blend, component_name, stored_lines
+from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
 from ._helmholtz import Saturation, ideal_terms, residual_terms
 from ._multi_fluid import (
     GERG,
@@ -31,6 +32,7 @@ from ._saturation_lines import (
     BUBBLE_PRESSURE,
     DEW_DENSITY,
     DEW_PRESSURE,
+    NODES,
     SaturationLines,
     curve,
     solve_lines,
@@ -67,8 +69,6 @@ class Mixture(AbstractRealGas):
     """
 
     kind: ClassVar[str] = "mixture"
-    # Beside the composition that was solved the lines are of first order: 3e-3 in pressure at 5 %.
-    of_construction: ClassVar[tuple[str, ...]] = ("mass_fractions", "mole_fractions")
 
     mass_fractions: Float[Array, " n"] = quantity(
         "",
@@ -124,7 +124,8 @@ class Mixture(AbstractRealGas):
         known = np.asarray(fractions)
         if lines is None and model == REFERENCE:
             lines = stored_lines(components, known)
-        self.lines = lines or solve_lines(table, components, known)
+        lines = lines or solve_lines(components, known, model)
+        self.lines = jax.tree.map(jnp.asarray, lines)
 
     @classmethod
     def written(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -135,6 +136,23 @@ class Mixture(AbstractRealGas):
             if isinstance(fractions, Mapping) and "value" not in fractions:
                 rows |= {"components": list(fractions), key: list(fractions.values())}
         return {**table, **rows} if rows else table
+
+    def rewritten(self, old: Part | None, source: str) -> dict[str, Any] | None:
+        """Section of a file for this mixture, where its composition differs from that of an old one."""
+        if isinstance(old, Mixture) and np.array_equal(old.mass_fractions, self.mass_fractions):
+            return None
+        fractions = np.asarray(self.mass_fractions).tolist()
+        section = {
+            "type": self.kind,
+            "mass_fractions": dict(zip(self.components or (), fractions, strict=True)),
+            "model": self.model,
+            "source": source,
+        }
+        if self.name != "/".join(self.components or ()):
+            section["name"] = self.name
+        if self.estimate_pairs:
+            section["estimate_pairs"] = True
+        return section
 
     # ------------------------------------------------------------------- composition
     @property
@@ -155,6 +173,74 @@ class Mixture(AbstractRealGas):
     def _amounts(self):
         """(n,) mole fractions of the normalised composition."""
         return self.table.mole_fractions(self.mass_fractions)
+
+    def fraction(self, kind: str, component: str) -> Float[Array, ""]:
+        """[-] Fraction of a component of the normalised composition.
+
+        Args:
+            kind: "mass_fractions" or "mole_fractions".
+            component: name or synonym.
+
+        Raises:
+            LookupError: no component of that name.
+        """
+        fractions = self._normalised if kind == "mass_fractions" else self._amounts
+        return fractions[self.place_of(component)]
+
+    def place_of(self, component: str) -> int:
+        """Index of a component by its name or a synonym.
+
+        Raises:
+            LookupError: no component of that name.
+        """
+        components = self.components or ()
+        name = component if component in components else SYNONYMS.get(component, component)
+        if name not in components:
+            raise LookupError(component)
+        return components.index(name)
+
+    def with_fractions(self, kind: str, fractions: Mapping[str, Any]) -> "Mixture":
+        """The mixture with other fractions of some components; those of all others go in proportion.
+
+        Dew and bubble line are solved again for the new composition, beside a program where that is
+        traced: they are as right as those of a mixture that is made with it. Derivatives to the
+        composition are exact to first order.
+
+        Args:
+            kind: "mass_fractions" or "mole_fractions".
+            fractions: [-] by component, of fewer than all. Within `jit` lines are not numbers where they
+                leave nothing for the others.
+
+        Raises:
+            LookupError: no component of that name.
+            BadInput: fractions of all components, of which one must be left to follow.
+        """
+        table = self.table
+        if len(fractions) >= len(self.components or ()):
+            bound = f"fractions of at most {len(fractions) - 1} components: the last one follows"
+            raise BadInput(kind, ", ".join(fractions), bound)
+        places = np.array([self.place_of(component) for component in fractions])
+        others = np.setdiff1d(np.arange(len(self.components or ())), places)
+        old = self._normalised if kind == "mass_fractions" else self._amounts
+        moved = jnp.stack([jnp.asarray(value, float) for value in fractions.values()])
+        share = (1 - moved.sum()) / old[others].sum()
+        new = (old * share).at[places].set(moved)
+        w = new if kind == "mass_fractions" else table.mass_fractions(new)
+        lines = None if self.lines is None else self._lines_at(w)
+        # a blend of ASHRAE 34 is one of its own composition
+        name = "/".join(self.components or ()) if self.name in blends() else self.name
+        return rebuilt(self, mass_fractions=w, lines=lines, name=name)
+
+    def _lines_at(self, mass_fractions) -> SaturationLines:
+        """Lines of another composition (n,), which move with it to first order."""
+        lines = self._lines
+        like = jax.tree.map(lambda array: jax.ShapeDtypeStruct(array.shape, float), lines)
+        solve = partial(_solved_beside, self.components or (), self.model or REFERENCE)
+        # `SaturationLines.at` has the derivatives: those of its coefficients are beside them
+        moved = jax.lax.stop_gradient(mass_fractions)
+        if not is_traced(moved):
+            return jax.tree.map(jnp.asarray, solve(moved))
+        return jax.pure_callback(solve, like, moved, vmap_method="sequential")
 
     @property
     def molar_mass(self) -> Float[Array, ""]:
@@ -333,6 +419,24 @@ class Mixture(AbstractRealGas):
         coefficients, ends, _ = self._curve(DEW_DENSITY, T)
         dew = jnp.exp(curve(coefficients, ends, T)[0])
         return (ends[2] > T) & (rho > _MARGIN * dew)
+
+
+def _solved_beside(components, model, mass_fractions) -> SaturationLines:
+    """Lines of one of many compositions; not a number where there are none."""
+    w = np.asarray(mass_fractions, float)
+    lines = None
+    if np.isfinite(w).all() and (w >= 0).all():
+        lines = solve_lines(components, w, model, one_of_many=True)
+    if lines is not None:
+        return lines
+    shape = 2, 4, NODES
+    return SaturationLines(
+        ends=np.full(3, np.nan),
+        coefficients=np.full(shape, np.nan),
+        slopes=np.full((w.size, *shape), np.nan),
+        reference=w,
+        critical=np.asarray(np.nan),
+    )
 
 
 def _blend_of(name: str) -> Blend:

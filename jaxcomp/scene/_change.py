@@ -45,20 +45,45 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
     """
     from ..study import variable
-    from ..study.interface import by_name  # only who changes a scene needs the studies
+    from ..study.interface import by_name, is_fraction  # only who changes a scene needs the studies
 
     given = {}
     designed = {}
+    shares = {}
     for path, value in changes.items():
-        is_designed = path in DESIGN_RULES or path.startswith("corrections.")
-        (designed if is_designed else given)[path] = value
+        if path in DESIGN_RULES or path.startswith("corrections."):
+            designed[path] = value
+        elif path.rpartition(".")[0].endswith("_fractions"):
+            shares[path] = value
+        else:
+            given[path] = value
     if given:
         scene = _with_entries(scene, given, source)
+    # of the fluid that is set now
+    entries_of_file = {p: value for p, value in shares.items() if not is_fraction(scene.machine, p)}
+    if entries_of_file:
+        scene = _with_entries(scene, entries_of_file, source)
+    fractions = {p: value for p, value in shares.items() if p not in entries_of_file}
+    if fractions:
+        scene = _with_fractions(scene, fractions)
     for name, value in by_name(scene.machine, designed).items():
         one = variable(scene.machine, name)
         machine = one.apply(scene.machine, to_si(value, one.unit, name))
         scene = with_machine(scene, machine, f"design rule, {name} = {value}")
     return scene
+
+
+def _with_fractions(scene: Scene, fractions: Mapping[str, Any]) -> Scene:
+    """A scene with other fractions of components of a mixture; those not named go in proportion."""
+    from ..study import variable
+    from ..study.interface import changed
+
+    values = {path: float(to_si(value, "", path)) for path, value in fractions.items()}
+    # an end of its range, so that a value beyond its bound is refused
+    variables = [variable(scene.machine, path, low=value) for path, value in values.items()]
+    machine = changed(scene.machine, variables, [*values.values()])
+    told = ", ".join(f"{path} = {value}" for path, value in fractions.items())
+    return with_machine(scene, machine, f"{told}, others in proportion")
 
 
 def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
@@ -256,6 +281,13 @@ def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str)
     Raises:
         SceneError: a part that a file cannot describe.
     """
+    return new.rewritten(old, source) or _updated_entries(table, old, new, source)
+
+
+def _updated_entries(
+    table: Mapping[str, Any], old: Part | None, new: Part, source: str
+) -> dict[str, Any]:
+    """Such a section, entry by entry."""
     same = type(old) is type(new)
     # the top of a document keeps its header and its other sections
     kept = copy.deepcopy(dict(table)) if same or old is None else {}

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import ANY, NONNEGATIVE, Bound, Part, at, plausible, quantities
+from .._core.fields import ANY, NONNEGATIVE, Bound, Part, at, plausible, quantities, rebuilt
 from .._core.words import hint
 from ..crankshaft.interface import OF_ROTOR
+from ..fluid import Mixture
 from ..machine import Machine, follows_rotor
 from ._rules import design_rules
 
@@ -23,6 +24,8 @@ CORRECTIONS = "corrections"
 # Sections of parts that have names, and those with names that the user gave.
 _NAMED = ("bearings", "oils")
 SECTIONS = (CORRECTIONS, *_NAMED)
+# Of a component of a mixture: one alone would leave nothing for the others.
+_SHARE = Bound(0.0, 1.0, high_open=True)
 # Polar coordinates of a correction, with unit and bound.
 _POLAR = {"magnitude": ("kg m", NONNEGATIVE), "angle": ("rad", ANY)}
 
@@ -33,8 +36,9 @@ class Variable(NamedTuple):
     Attributes:
         name: of a rule in `design_rules` (the machine follows as a whole), or the dotted path of a
             number as in a machine file ("mechanism.conrod_length", "rotor.links.3.law.stiffness.0",
-            "corrections.rotor-top.x", or .y, .magnitude, .angle). A path to a list of numbers is a
-            common factor on all of them, which is 1 as the design stands.
+            "corrections.rotor-top.x", or .y, .magnitude, .angle; "gas.fluid.mass_fractions.R32", whose
+            rise lowers those of the other components in proportion). A path to a list of numbers is
+            a common factor on all of them, which is 1 as the design stands.
         low, high: [SI] in the unit of the number.
         unit: SI unit, `""` for pure numbers and factors.
         bound: what the number must keep in any case.
@@ -58,6 +62,8 @@ class Variable(NamedTuple):
         plane, polar = _polar(self.name)
         if polar:
             return _polar_of(design.corrections[plane])[polar == "angle"]
+        if (fraction := _fraction(design, self.name)) is not None:
+            return fraction.fluid.fraction(fraction.kind, fraction.component)
         value = walk(design, _steps(self.name))
         return value if jnp.ndim(value) == 0 else jnp.ones(())
 
@@ -71,6 +77,8 @@ class Variable(NamedTuple):
             magnitude, angle = (magnitude, value) if polar == "angle" else (value, angle)
             new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
             return eqx.tree_at(lambda d: d.corrections[plane], design, new)
+        if _fraction(design, self.name) is not None:
+            return changed(design, [self], [value])
         steps = _steps(self.name)
         entry = steps[-1].isdigit() and eqx.is_array(walk(design, steps[:-1]))
         place = steps[:-1] if entry else steps
@@ -92,18 +100,43 @@ class Changes(Protocol):
 
 
 def changed(
-    design: Machine, variables: Sequence[Changes], values: Float[Array, " variables"]
+    design: Machine, variables: Sequence[Changes], values: Float[Array, " variables"] | Sequence
 ) -> Machine:
     """The design with values [SI] of some variables, set in their order; unchecked.
+
+    Fractions of one mixture are set together, and those of its other components go in proportion.
 
     Args:
         design: the design.
         variables: what is changed.
         values: [SI] one for each of them; more are not looked at.
     """
+    mixtures: dict[tuple[str, ...], dict[str, Any]] = {}
+    kinds: dict[tuple[str, ...], str] = {}
     for number, one in enumerate(variables):
-        design = one.apply(design, values[number])
+        fraction = _fraction(design, one.name) if isinstance(one, Variable) else None
+        if fraction is None:
+            design = one.apply(design, values[number])
+        else:
+            place = fraction.place
+            if kinds.setdefault(place, fraction.kind) != fraction.kind:
+                bound = f"{kinds[place]}, as the other fractions of the mixture"
+                raise BadInput(fraction.component, fraction.kind, bound)
+            mixtures.setdefault(place, {})[fraction.component] = values[number]
+    for place, fractions in mixtures.items():
+        fluid = walk(design, place).with_fractions(kinds[place], fractions)
+        design = _with_part(design, place, fluid)
     return design
+
+
+def _with_part(design: Machine, place: Sequence[str], part: Part) -> Machine:
+    """The design with another part of the same type, whose static fields may differ."""
+    *above, name = place
+    owner = walk(design, above)
+    owner = rebuilt(owner, **{name: part})
+    if above:
+        return _with_part(design, above, owner)
+    return rebuilt(design, compressor=owner)
 
 
 def variable(
@@ -128,9 +161,6 @@ def variable(
     else:
         unit, bound = _declared(design, name)
         steps = _steps(name)
-        if _of_construction(design, steps):
-            bound = "a number that studies move; a composition is one of the machine, give it there"
-            raise BadInput(name, "fixed", bound)
         if _follows(design, name):
             raise BadInput(
                 name, "derived", "a number that is given: this one follows from the rotor"
@@ -159,11 +189,7 @@ def variable_names(design: Machine) -> list[str]:
         names.append(name)
     for path, tree in _roots(design).items():
         names += [f"{path}{name}" for name in _numbers(tree)]
-    names = [
-        name
-        for name in names
-        if not _follows(design, name) and not _of_construction(design, _steps(name))
-    ]
+    names = [name for name in names if not _follows(design, name)]
     return names + [
         f"{CORRECTIONS}.{plane}.{axis}"
         for plane in design.corrections
@@ -205,19 +231,54 @@ def by_name(design: Machine, given: Mapping[str, _Given]) -> dict[str, _Given]:
 
 def list_length(design: Machine, name: str) -> int:
     """Entries of a list of numbers; 0 for a number."""
-    if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+    if name in design_rules or name.startswith(f"{CORRECTIONS}.") or is_fraction(design, name):
         return 0
     value = walk(design, name.split("."))
     return len(value) if jnp.ndim(value) else 0
 
 
-def _of_construction(design: Machine, steps: Sequence[str]) -> bool:
-    """Whether a number belongs to what is solved when its part is made."""
-    for count in range(1, len(steps)):
-        owner = walk(design, steps[:count])
-        if isinstance(owner, Part) and steps[count] in owner.of_construction:
-            return True
-    return False
+_FRACTIONS = ("mass_fractions", "mole_fractions")
+
+
+class _Fraction(NamedTuple):
+    """Fraction of a component of a mixture.
+
+    Attributes:
+        fluid: the mixture.
+        place: path of the mixture.
+        kind: "mass_fractions" or "mole_fractions".
+        component: as it is named in the mixture.
+    """
+
+    fluid: Mixture
+    place: tuple[str, ...]
+    kind: str
+    component: str
+
+
+def _fraction(design: Machine, name: str) -> _Fraction | None:
+    """The fraction that a name stands for; `None` if it is of something else.
+
+    Raises:
+        LookupError: a component that the mixture is without.
+    """
+    *place, kind, component = ["", *_steps(name)]
+    if kind not in _FRACTIONS:
+        return None
+    place = place[1:]
+    fluid = walk(design, place)
+    if not isinstance(fluid, Mixture):
+        return None
+    components = fluid.components or ()
+    return _Fraction(fluid, tuple(place), kind, components[fluid.place_of(component)])
+
+
+def is_fraction(design: Machine, name: str) -> bool:
+    """Whether a name stands for the fraction of a component of a mixture."""
+    try:
+        return _fraction(design, name) is not None
+    except LookupError:
+        return False
 
 
 def _follows(design: Machine, name: str) -> bool:
@@ -249,6 +310,9 @@ def _numbers(tree: Part | tuple) -> Iterator[str]:
         children = enumerate(tree)
     else:
         children = ((f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree))
+    if isinstance(tree, Mixture):
+        yield from (f"{_FRACTIONS[0]}.{component}" for component in tree.components or ())
+        return
     for name, child in children:
         if eqx.is_array(child):
             yield str(name)
@@ -286,6 +350,8 @@ def _declared(design: Machine, name: str) -> tuple[str, Bound]:
         return _POLAR[polar]
     steps = _steps(name)
     try:
+        if _fraction(design, name) is not None:
+            return "", _SHARE
         value = walk(design, steps)
         if steps[0] == CORRECTIONS:
             if jnp.ndim(value) > 0:
@@ -317,6 +383,16 @@ def _field(design: Machine, steps: list[str]) -> dataclasses.Field:
     while eqx.is_array(owner := walk(design, holder)):
         holder = holder[:-1]
     return dict(quantities(owner))[steps[len(holder)]]
+
+
+def _given_fraction(name: str, fraction: _Fraction) -> "GivenNumber":
+    """A fraction as a number: its rise by one moves the others down in proportion."""
+    fluid = fraction.fluid
+    value = float(fluid.fraction(fraction.kind, fraction.component))
+    w = np.asarray(fluid.mass_fractions)
+    up = np.eye(w.size)[fluid.place_of(fraction.component)]
+    weight = (up - w) / (1 - value)
+    return GivenNumber(name, "", _SHARE, value, weight, (*fraction.place, fraction.kind))
 
 
 class GivenNumber(NamedTuple):
@@ -351,6 +427,8 @@ class GivenNumber(NamedTuple):
             design: of the build that the number was taken from, with other numbers perhaps.
             value: [SI]
         """
+        if is_fraction(design, self.name):
+            return changed(design, [variable(design, self.name)], [value])
         old = np.asarray(self.at(design))
         new = self.weight * value if self.factor else np.where(self.weight != 0, value, old)
         steps = list(self.place)
@@ -373,6 +451,9 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
             yield GivenNumber(name, "kg m", ANY, number, weight, (CORRECTIONS, plane))
     for name in variable_names(design):
         if name in design_rules or name.startswith(f"{CORRECTIONS}."):
+            continue
+        if (fraction := _fraction(design, name)) is not None:
+            yield _given_fraction(name, fraction)
             continue
         place = tuple(_steps(name))
         values = np.asarray(walk(design, list(place)))

@@ -12,7 +12,9 @@ from ._variables import CORRECTIONS as CORRECTIONS
 from ._variables import GivenNumber as GivenNumber
 from ._variables import Variable as Variable
 from ._variables import by_name as by_name
+from ._variables import changed as changed
 from ._variables import given_numbers as given_numbers
+from ._variables import is_fraction as is_fraction
 from ._variables import list_length as list_length
 from ._variables import matching as matching
 from ._variables import variable_names as variable_names

@@ -14,7 +14,7 @@ from fluid_data import DATA, FLUIDS, compact
 
 from jaxcomp.fluid._blends import blends as blends_of_library
 from jaxcomp.fluid._blends import usable_blends
-from jaxcomp.fluid._multi_fluid import multi_fluid
+from jaxcomp.fluid._multi_fluid import REFERENCE
 from jaxcomp.fluid._saturation_lines import solve_lines
 from jaxcomp.fluid.interface import fluid_data
 
@@ -217,7 +217,7 @@ def saturation_lines(name: str) -> dict | None:
     fractions = blends_of_library()[name].mass_fractions
     components = tuple(fractions)
     composition = np.array([*fractions.values()])
-    lines = solve_lines(multi_fluid(components), components, composition / composition.sum())
+    lines = solve_lines(components, composition / composition.sum(), REFERENCE)
     if lines is None:
         return None
     return {

@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float
 from ..._core.errors import BadInput
 from ..._core.progress import progress_of
 from .._problem import solved, solves_gas
-from ..interface import Problem
+from ..interface import Problem, is_fraction
 from ..sweep._blocks import default_width, solved_blocks
 from ._scatter import Sampling, Scatter, drawn_normals
 
@@ -85,6 +85,10 @@ def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
         curvature: "differences" of slopes half a deviation to both sides, "exact" by products of
             the Hessian with unit vectors (which compiles five times as long), or `None`.
     """
+    names = [one.name for one in problem.variables]
+    if curvature == "exact" and any(is_fraction(problem.design, name) for name in names):
+        bound = '"differences" with a composition, whose dew and bubble lines are of first order'
+        raise BadInput("curvature", '"exact"', bound)
     if curvature != "differences":
         found = solved(problem, jnp.asarray(point)[None])
         second, fine = (None, True) if curvature is None else _exact(problem, jnp.asarray(point))
