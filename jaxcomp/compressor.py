@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ._core.each import AbstractEach, listed, of_cylinder
 from ._core.errors import BadInput, no_machine
-from ._core.fields import ANY, Part, is_traced, quantities, quantity, replaced, subparts
+from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, replaced, subparts
 from .crankshaft import Crankshaft
 from .crankshaft.interface import MachineLoops, machine_loops
 from .cylinder import Cylinder
@@ -182,8 +182,10 @@ def staged(compressor: Compressor) -> Compressor:
     """The compressor with the gas of every cylinder, where stages share what lies between them.
 
     Args:
-        compressor: whose gas may be a `StagedCycle`.
+        compressor: whose gas may be a `StagedCycle`, or have mean temperatures of its heat exchangers.
     """
+    if isinstance(compressor.gas, Cylinder) and compressor.gas.reference == "mean":
+        return rebuilt(compressor, gas=compressor.gas.by_dew_points())
     if not isinstance(compressor.gas, StagedCycle):
         return compressor
     mechanism = compressor.mechanism

@@ -29,6 +29,7 @@ def rating_map(
     evaporating: str = "-30:-10:5",
     condensing: str = "35:55:5",
     rating: Standard = "file",
+    reference: Literal["dew", "mean"] | None = None,
     coefficients: Literal["10", "20", "30"] = "10",
     speeds: str | None = None,
     solver: opt.Solver = "collocation",
@@ -44,11 +45,13 @@ def rating_map(
     Example: [bold]jaxcomp map r134a-7cc --evaporating=-30:-10:5 --rating ashrae --out map[/bold]
 
     Args:
-        evaporating (FROM:TO:COUNT): Evaporating dew temperatures, in degrees Celsius or with a unit, as
+        evaporating (FROM:TO:COUNT): Evaporating temperatures, in degrees Celsius or with a unit, as
             -22degF:14degF:5.
-        condensing (FROM:TO:COUNT): Condensing dew temperatures, likewise.
+        condensing (FROM:TO:COUNT): Condensing temperatures, likewise.
         rating: Return gas and liquid: those of the file, ASHRAE (both 32.2 C), EN 12900 (return gas 20
             C or superheat 10 K), AHRI 540 (18.3 C) or CECOMAF (32 C).
+        reference: What both temperatures are of a blend with glide: those of dew points, or mean ones
+            of evaporator and condenser. Absent: as the machine file says.
         coefficients: Of the polynomial in coefficients.csv of --out; 20 and 30 are over --speeds as well.
         speeds (SPEED,SPEED): Mean speeds for 20 and 30 coefficients, at least three; tables and
             pictures are those of the first.
@@ -64,24 +67,32 @@ def rating_map(
         f"--coefficients {coefficients}: needs --speeds, at least three",
     )
     scene = scenes[0]
+    of_file = (
+        "dew" if scene.compressor is None else getattr(scene.compressor.gas, "reference", "dew")
+    )
+    kind = of_file if reference is None else reference
+    refuse(
+        kind == "mean" and form != "csv",
+        f"--format {form}: takes dew temperatures; map with --reference dew",
+    )
     options = jc.cylinder.CycleOptions()
     options = options if cycle is None else opt.cycle_of(options, cycle)
     method = opt.chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
         maps = {
-            n / (2 * pi): jc.study.rating.rating_map(one, *over, rating, options, method)
+            n / (2 * pi): jc.study.rating.rating_map(one, *over, rating, options, method, kind)
             for n, one in {_speed(one): one for one in scenes}.items()
         }
     found = next(iter(maps.values()))
     files = {}
     if output.out is not None and found.coefficients:
-        told = rating_metadata(scene, rating)
+        told = rating_metadata(scene, rating, kind)
         files[FORMATS[form]] = polynomial_text(
             maps, int(coefficients), told, form, scene.as_compressor()
         )
     output.emit(
         found,
-        lambda _: map_tables(found, scene.name),
+        lambda _: map_tables(found, scene.name, glide_text(scene, found)),
         lambda: jc.plot.interface.rating_figures(found, scene.name),
         scene,
         {"map": lambda: _columns(found)},
@@ -124,7 +135,31 @@ def _speed(scene: jc.scene.Scene) -> float:
     return float(scene.as_compressor().motor.speed_guess)
 
 
-def map_tables(found, name: str):
+def glide_text(scene: jc.scene.Scene, found) -> str:
+    """Glide at the ends of both axes, in words; "" of a fluid without."""
+    gas: Any = scene.as_compressor().gas
+    fluid = gas.fluid
+    if not fluid.has_glide:
+        return ""
+    from ..study.rating import ZERO
+
+    words = []
+    for side, temperatures in (
+        ("evaporating", found.evaporating),
+        ("condensing", found.condensing),
+    ):
+        for mean_or_dew in dict.fromkeys((float(temperatures[0]), float(temperatures[-1]))):
+            dew = mean_or_dew
+            # of the whole line, also in the evaporator
+            if found.reference == "mean":
+                dew = float(fluid.dew_of_mean(mean_or_dew))
+            glide = dew - float(fluid.bubble_of_dew(dew))
+            words.append(f"{glide:.3g} K at {mean_or_dew - ZERO:.4g} °C {side}")
+    told = "dew points" if found.reference == "dew" else "mean temperatures"
+    return f"Temperatures are {told}; glide of {fluid.name}: {', '.join(words)}."
+
+
+def map_tables(found, name: str, glide: str = ""):
     """Capacity, power and COP, and the coefficients."""
     from ..study.rating import QUANTITIES, ZERO
 
@@ -137,6 +172,8 @@ def map_tables(found, name: str):
             for t, row in zip(found.evaporating.tolist(), found.values[one].tolist(), strict=True)
         )
         yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, cells)
+    if glide:
+        yield glide
     failed = int((~found.ok).sum())
     if failed:
         yield f"[yellow]Note:[/yellow] {failed} of {found.ok.size} points failed and are empty."

@@ -1,7 +1,7 @@
 """The cylinder as a part of the machine: gas, valves, heat and leakage, between its lines."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
-from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, replaced
+from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, AbstractRealGas, GasState
 from ..fluid.interface import has_dew_line
@@ -18,7 +18,7 @@ from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
 from ..valve.interface import Side, critical_ratio
-from ._lines import DischargeLine, SuctionLine
+from ._lines import DischargeLine, SuctionLine, by_dew_points
 from ._piston_end import PistonEnd
 from ._plenum import Plenum
 from .crank_end import CrankEnd
@@ -52,6 +52,11 @@ class Cylinder(AbstractGas):
         crank_end: compression on the rod's side of the piston as well; single-acting if absent. The
             entries of the cylinder are then those of its head end.
 
+        reference: what evaporating and condensing temperatures are of a blend with glide: those of the
+            "dew" points, or "mean" ones of evaporator (behind the expansion valve and dew point) and
+            condenser (dew and bubble point). Superheat counts from the dew point and subcooling from the
+            bubble point with either.
+
     Raises:
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
             evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
@@ -78,8 +83,11 @@ class Cylinder(AbstractGas):
     leakage: LaminarGap | None = None
     walls: WallNetwork | None = None
     crank_end: CrankEnd | None = None
+    reference: Literal["dew", "mean"] = eqx.field(static=True, default="dew")
 
     def __check_init__(self):
+        if self.reference == "mean":
+            self._check_mean()
         if self.walls is not None and self.crank_end is not None:
             bound = "absent with a crank_end: give wall_temperature"
             raise BadInput("walls", "given", bound)
@@ -92,15 +100,35 @@ class Cylinder(AbstractGas):
                     raise ValueError(f"`walls.{name}_conductance` needs `{name}.plenums`.")
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
-        known = known_values(self)
+        known = known_values(self).by_dew_points()
         for limit in (*_limits(known), *_dry_limits(known)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
                 raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
 
+    def _check_mean(self) -> None:
+        """Refuse mean temperatures of a machine that has none."""
+        bound = (
+            '"dew", or given with evaporating or condensing temperatures of a fluid that condenses'
+        )
+        line_temperatures = self.suction.evaporating, self.discharge.condensing
+        no_exchanger = all(temperature is None for temperature in line_temperatures)
+        if no_exchanger or not has_dew_line(self.fluid):
+            raise BadInput("reference", '"mean"', bound)
+
+    def by_dew_points(self) -> "Cylinder":
+        """The cylinder with evaporating and condensing temperatures of dew points, as solvers take it."""
+        if self.reference == "dew":
+            return self
+        suction, discharge = by_dew_points(self.fluid, self.suction, self.discharge)
+        return rebuilt(self, suction=suction, discharge=discharge, reference="dew")
+
     def conditions(self):
-        return {f"{limit.field}: {limit.why}": limit.holds() for limit in _limits(self)}
+        limits = _limits(self.by_dew_points())
+        return {f"{limit.field}: {limit.why}": limit.holds() for limit in limits}
 
     def repaired(self):
+        if self.reference == "mean":  # whose limits are those of other temperatures
+            return self
         repaired = self
         for rule in _RULES:  # one after the other, as the later ones follow from the earlier
             for limit in rule(repaired):
@@ -117,7 +145,8 @@ class Cylinder(AbstractGas):
 
     @property
     def behind_piston(self):
-        return self.suction.state(self.fluid).p
+        gas = self.by_dew_points()
+        return gas.suction.state(gas.fluid).p
 
     @property
     def valves(self) -> tuple[AbstractValve, AbstractValve]:
@@ -401,6 +430,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
     if cylinder.crank_end is not None:
         bound = "absent here, where one end is solved: `solve_orbit` solves both, at any speed"
         raise BadInput("gas.crank_end", "given", bound)
+    cylinder = cylinder.by_dew_points()
     if cylinder.suction.warming is not None:
         bound = (
             "absent for gas without its crank, whose losses warm it; `heating` is a constant rise"

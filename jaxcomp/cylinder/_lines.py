@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
+from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity, rebuilt
 from ..fluid import AbstractFluid, GasState
 from ..fluid.interface import has_dew_line
 from ._plenum import Plenum
@@ -39,7 +39,10 @@ class SuctionLine(Part):
         "K", POSITIVE, default=None, doc="of the gas", usual=(150.0, 700.0)
     )
     evaporating: Float[Array, ""] | None = quantity(
-        "K", POSITIVE, default=None, doc="dew temperature, instead of the pressure"
+        "K",
+        POSITIVE,
+        default=None,
+        doc="dew temperature (or mean: `reference`), instead of the pressure",
     )
     superheat: Float[Array, ""] | None = quantity(
         "K", NONNEGATIVE, default=None, doc="above the dew point, instead of the temperature"
@@ -150,6 +153,27 @@ class DischargeLine(Part):
             return isentropic, isentropic
         temperature = self.temperature
         return fluid.state(temperature, fluid.density(temperature, pressure)), isentropic
+
+
+def by_dew_points(
+    fluid: AbstractFluid, suction: SuctionLine, discharge: DischargeLine
+) -> tuple[SuctionLine, DischargeLine]:
+    """Lines whose evaporating and condensing temperatures are dew temperatures, from mean ones.
+
+    Args:
+        fluid: of the lines, with a dew line.
+        suction: with the mean temperature of the evaporator.
+        discharge: with the mean temperature of the condenser.
+    """
+    if not has_dew_line(fluid):
+        raise TypeError("mean temperatures of heat exchangers need a real gas with a dew line.")
+    if discharge.condensing is not None:
+        discharge = rebuilt(discharge, condensing=fluid.dew_of_mean(discharge.condensing))
+    if suction.evaporating is not None:
+        liquid = discharge.liquid_enthalpy(fluid)
+        evaporating = fluid.dew_of_evaporator(suction.evaporating, liquid)
+        suction = rebuilt(suction, evaporating=evaporating)
+    return suction, discharge
 
 
 def _pressure(fluid, pressure, dew, superheat=None):

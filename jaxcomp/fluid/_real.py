@@ -4,16 +4,22 @@ from abc import abstractmethod
 from typing import Any, TypeGuard
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import Bound
-from ._base import AbstractFluid, GasState
+from .._core.fields import Bound, is_traced
+from .._core.roots import root
+from ._base import AbstractFluid, GasState, SmallSystem
 from ._helmholtz import Saturation
 
 # [K] by which gas may be colder than saturation, for pressures that are given in few digits
 NEAR_SATURATION = 0.5
+# Half of the glide's slope over temperature, a few per cent, is what each leaves of the error.
+_STEPS_OF_MEAN = 16
 
 
 class AbstractRealGas(AbstractFluid):
@@ -71,6 +77,52 @@ class AbstractRealGas(AbstractFluid):
         """[K] Bubble temperatures at the pressures of dew temperatures `T` [K], to rounding.
 
         Those of a pure fluid are the dew temperatures themselves, and nothing is computed.
+        """
+
+    def dew_of_mean(self, T: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """[K] Dew temperatures where they and the bubble temperatures have the mean `T`."""
+        if not self.has_glide:
+            return T
+        if not any(map(is_traced, jax.tree.leaves((self, T)))):
+            mean = np.asarray(T, float)
+            dew = mean
+            for _ in range(_STEPS_OF_MEAN):
+                dew = mean + (dew - np.asarray(self.bubble_of_dew(dew))) / 2
+            return jnp.asarray(dew)
+        return self._dew_of_mean(T)
+
+    @eqx.filter_jit
+    def _dew_of_mean(self, T):
+        def misfit(dew, inputs):
+            fluid, mean = inputs
+            return (dew + fluid.bubble_of_dew(dew)) / 2 - mean
+
+        def solve(inputs):
+            fluid, mean = inputs
+
+            def step(_, dew):
+                return mean + (dew - fluid.bubble_of_dew(dew)) / 2
+
+            return lax.fori_loop(0, _STEPS_OF_MEAN, step, mean)
+
+        def inverse(mean):
+            return root(SmallSystem(misfit, solve, (self, mean)))
+
+        return jnp.vectorize(inverse)(jnp.asarray(T, float))
+
+    @abstractmethod
+    def dew_of_evaporator(self, T: Float[Array, ""], h: Float[Array, ""]) -> Float[Array, ""]:
+        """[K] Dew temperature of an evaporator whose mean temperature is `T` [K].
+
+        The mean is that of the dew temperature and of the temperature behind the expansion valve, at the
+        pressure of the evaporator.
+
+        Args:
+            T: [K]
+            h: [J/kg] of the liquid before the expansion.
+
+        Raises:
+            BadInput: a pseudo-pure fluid, whose phases have one composition.
         """
 
     @abstractmethod

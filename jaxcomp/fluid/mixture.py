@@ -15,6 +15,7 @@ from .._core.fields import Bound, Part, is_traced, quantity, rebuilt
 from .._core.roots import root
 from ._base import SmallSystem
 from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
+from ._expanded import evaporator
 from ._helmholtz import Saturation, ideal_terms, residual_terms
 from ._multi_fluid import (
     GERG,
@@ -374,6 +375,31 @@ class Mixture(AbstractRealGas):
     def bubble_of_dew(self, T):
         return self.bubble_temperature(self.dew_pressure(T))
 
+    def dew_of_evaporator(self, T, h):
+        on_host = partial(_evaporator_on_host, self.components or (), self.model or REFERENCE)
+
+        def dew(mean, h):
+            w = self._normalised
+            coefficients, ends, _ = self._curve(DEW_PRESSURE, jnp.asarray(mean))
+            known = jax.lax.stop_gradient((w, coefficients, ends, mean, h))
+            like = jax.ShapeDtypeStruct((4 + w.size,), float)
+            point = jax.pure_callback(on_host, like, *known, vmap_method="sequential")
+            found, inlet, by_pressure, by_enthalpy, *by_fractions = point
+            # One step of Newton's method from the root, of which only the derivatives are left.
+            logarithm, slope = curve(coefficients, ends, found)
+            p = jnp.exp(logarithm)
+            at_root = jax.lax.stop_gradient(p)
+            inlet = inlet + by_pressure * (p - at_root) + by_enthalpy * (h - known[-1])
+            inlet = inlet + jnp.stack(by_fractions) @ (w - known[0])
+            whole = 1 + jax.lax.stop_gradient(by_pressure * p * slope)
+            return found - (inlet + found - 2 * mean) / whole
+
+        if not any(map(is_traced, jax.tree.leaves((self, T, h)))) and np.ndim(T) == np.ndim(h) == 0:
+            coefficients, ends, _ = self._curve(DEW_PRESSURE, T)
+            return jnp.asarray(on_host(self._normalised, coefficients, ends, T, h)[0])
+        arguments = (jnp.asarray(number, float) for number in (T, h))
+        return jnp.vectorize(dew)(*arguments)
+
     def boiling_density(self, T):
         coefficients, ends, _ = self._curve(BUBBLE_DENSITY, jnp.asarray(T))
         return jnp.exp(curve(jnp.asarray(coefficients), ends, T)[0])
@@ -419,6 +445,11 @@ class Mixture(AbstractRealGas):
         coefficients, ends, _ = self._curve(DEW_DENSITY, T)
         dew = jnp.exp(curve(coefficients, ends, T)[0])
         return (ends[2] > T) & (rho > _MARGIN * dew)
+
+
+def _evaporator_on_host(components, model, *known) -> np.ndarray:
+    numbers = [np.asarray(number, float) for number in known]
+    return evaporator(components, model, *numbers)
 
 
 def _solved_beside(components, model, mass_fractions) -> SaturationLines:

@@ -119,6 +119,13 @@ class RealGas(AbstractRealGas):
             return T
         return jnp.vectorize(lambda T: self._saturation(T, None).T_bubble)(jnp.asarray(T))
 
+    def dew_of_evaporator(self, T, h):
+        del h
+        if self.has_glide:
+            bound = f'"dew"; or fluid = {{ type = "mixture", name = "{self.name}" }}, whose phases differ'
+            raise BadInput("reference", '"mean"', bound)
+        return T
+
     def state(self, T, rho):
         data = self.data
         R = data["gas_constant"]

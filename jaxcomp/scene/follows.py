@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from .._core.display import RPM, axes_words
+from .._core.display import RPM, ZERO_CELSIUS, axes_words
 from .._core.each import AbstractEach, listed, of_cylinder
 from .._core.fields import subparts
 from ..compressor import Compressor
 from ..cylinder import Cylinder
+from ..fluid import AbstractRealGas
+from ..fluid.interface import has_dew_line
 from ..gas import PolytropicCycle
 from ..machine import machine_of
 from ..rotor import AXES, RotorModel, undamped_modes
@@ -103,11 +105,24 @@ def _of_cylinders(compressor: Compressor):
         yield "Rods outside the main bearings", outside, "overhung" if outside else ""
 
 
+def _of_glide(fluid: AbstractRealGas, low: float, high: float):
+    """Glide of a blend at the pressures [Pa] of the lines, as far as it condenses there."""
+    for name, pressure in (("suction", low), ("discharge", high)):
+        if pressure < float(fluid.critical_pressure):
+            dew = float(fluid.dew_temperature(pressure))
+            bubble = float(fluid.bubble_temperature(pressure))
+            note = f"K, dew {dew - ZERO_CELSIUS:.4g}, bubble {bubble - ZERO_CELSIUS:.4g} degC"
+            yield f"Glide at {name} pressure", dew - bubble, note
+
+
 def _of_valves(gas: Cylinder, speed: float):
     """Quantities that follow from the lines and valves of a cylinder, and what it leaves out."""
+    gas = gas.by_dew_points()
     suction = gas.suction.state(gas.fluid)
     behind = gas.discharge.states(gas.fluid, suction)[0]
     yield "Pressure ratio", float(behind.p / suction.p), ""
+    if has_dew_line(gas.fluid) and gas.fluid.has_glide:
+        yield from _of_glide(gas.fluid, float(suction.p), float(behind.p))
     for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
         if valve.oscillator is not None:
             own = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))

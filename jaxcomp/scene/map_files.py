@@ -24,12 +24,13 @@ FORMATS = {
 }
 
 
-def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
+def rating_metadata(scene: Scene, rating: str, reference: str = "dew") -> dict[str, str]:
     """Machine, fluid and rating conditions of a map, as a file of polynomials has them.
 
     Args:
         scene: of a compressor with valves.
         rating: of `jaxcomp.study.rating.RATINGS`.
+        reference: of the temperatures, "dew" or "mean".
     """
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)
@@ -41,7 +42,8 @@ def rating_metadata(scene: Scene, rating: str) -> dict[str, str]:
         told = Rating(*heads, line.liquid_temperature, line.subcooling)
     if told.liquid is None and told.subcooling is None:
         told = told._replace(subcooling=0.0)
-    return {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(told)}
+    settings = {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(told)}
+    return settings if reference == "dew" else settings | {"reference": reference}
 
 
 def polynomial_text(

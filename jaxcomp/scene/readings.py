@@ -6,7 +6,8 @@ Readings have one point a line and units in the heads; lines that begin with `#`
     evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]
     -5,30,18.3,0,14367,3382
 
-Both temperatures are dew temperatures. The gas is told by `return_gas` or `superheat`, the liquid by
+Both temperatures are dew temperatures, or with `# reference = mean` those in the middle of the glide of
+evaporator and condenser. The gas is told by `return_gas` or `superheat`, the liquid by
 `liquid` or by `subcooling`, which counts from its bubble temperature; `useful_superheat [K]` is how much
 superheat counts as capacity, all if absent. Conditions that are the same at all points may stand in the
 metadata (`# return_gas = 18.3 degC`), and an empty cell was not measured. `sd(power) [W]`, or in `[%]`,
@@ -48,7 +49,7 @@ _LEVELS = ("evaporating", "condensing", "return_gas", "liquid")
 _DIFFERENCES = ("superheat", "subcooling", "useful_superheat")
 CONDITIONS = (*_LEVELS, *_DIFFERENCES, "speed")
 # Settings of files of points and polynomials, beside those of any file.
-MAP_SETTINGS = (*CONDITIONS, "rating")
+MAP_SETTINGS = (*CONDITIONS, "rating", "reference")
 # SI units of their columns, and those of examples in messages.
 _UNITS = dict.fromkeys((*_LEVELS, *_DIFFERENCES), "K") | {"speed": "rad/s"}
 _UNITS |= {name: unit for name, (unit, *_) in MEASURED.items()}
@@ -166,7 +167,8 @@ def _readings(
             raise SceneError(key, "must be given at every point, and has an empty cell")
     S = conditions["evaporating"]
     D = conditions["condensing"]
-    gas = conditions["return_gas"] if "return_gas" in conditions else S + conditions["superheat"]
+    superheat = conditions.get("superheat")
+    gas = conditions["return_gas"] if superheat is None else S + superheat
     subcooling = conditions.get("subcooling")
     # of a fluid without glide; only the machine's fluid tells the glide of another
     liquid = conditions["liquid"] if subcooling is None else D - subcooling
@@ -175,6 +177,9 @@ def _readings(
     fluid = word_setting(metadata, "fluid")
     given = (S, D, gas, liquid, useful, speed, values, deviations)
     made = bends is not None
+    reference = word_setting(metadata, "reference").lower() or "dew"
+    if reference not in ("dew", "mean"):
+        raise SceneError("reference", 'must be "dew" or "mean"', reference)
     return Readings(
         name,
         *given,
@@ -182,6 +187,9 @@ def _readings(
         fluid=fluid,
         bends=bends or (),
         by_subcooling=subcooling is not None,
+        by_superheat=superheat is not None,
+        by_useful_superheat="useful_superheat" in conditions or superheat is not None,
+        reference=reference,
     )
 
 

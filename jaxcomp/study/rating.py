@@ -7,7 +7,7 @@ with evaporating and condensing dew temperatures S and D in degrees Celsius (AHR
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput, kind_text
 from .._core.exported import kept_jit
-from .._core.fields import replaced
+from .._core.fields import rebuilt, replaced
 from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.words import one_of
@@ -39,6 +39,9 @@ ZERO = ZERO_CELSIUS
 # Of the cycle at a single point, whose program has one size: of two maps of light valves 48 were too few
 # for 1 and 3 of 12 points.
 _PANELS = 96
+
+# What evaporating and condensing temperatures are.
+Reference = Literal["dew", "mean"]
 
 # what users take; the rest is for the packages that are built on this module
 __all__ = ["Rating", "RatingMap", "at_rating", "rated", "rating_map"]
@@ -90,13 +93,14 @@ class RatingMap(Result, eqx.Module):
     """A compressor over evaporating and condensing temperature.
 
     Attributes:
-        evaporating: [K] (n,) dew temperature.
-        condensing: [K] (m,) dew temperature.
+        evaporating: [K] (n,) dew or mean temperature.
+        condensing: [K] (m,) dew or mean temperature.
         values: (n, m) by name as in `QUANTITIES`, in SI units; not a number where a point failed.
         ok: (n, m) whether a point converged and delivers dry gas.
         coefficients: (10,) of the polynomial in degrees Celsius, by name; empty where points are too few.
         fit_error: [-] largest error of the polynomial relative to the value of the point, by name.
         rating: key of `RATINGS`.
+        reference: what both temperatures are: those of "dew" points, or "mean" ones.
     """
 
     evaporating: Float[Array, " n"]
@@ -106,6 +110,7 @@ class RatingMap(Result, eqx.Module):
     coefficients: dict[str, Float[Array, "10"]]
     fit_error: dict[str, Float[Array, ""]]
     rating: str = eqx.field(static=True)
+    reference: Reference = eqx.field(static=True, default="dew")
 
     table_dims: ClassVar[tuple[str, ...]] = ("evaporating", "condensing")
     nested_units: ClassVar[str] = """
@@ -132,7 +137,16 @@ class RatingMap(Result, eqx.Module):
 
     def nested(self) -> dict[str, Any]:
         """Temperatures, values and coefficients by name."""
-        names = ("rating", "evaporating", "condensing", "ok", "values", "coefficients", "fit_error")
+        names = (
+            "rating",
+            "reference",
+            "evaporating",
+            "condensing",
+            "ok",
+            "values",
+            "coefficients",
+            "fit_error",
+        )
         return fields_of(self, *names, "polynomial_error")
 
     @property
@@ -160,6 +174,7 @@ def at_rating(
     evaporating: Float[Array, ""],
     condensing: Float[Array, ""],
     rating: str | Rating = "file",
+    reference: Reference = "dew",
 ) -> Compressor:
     """A compressor with valves at a rating point.
 
@@ -167,8 +182,9 @@ def at_rating(
 
     Args:
         machine: a compressor, a machine or a scene.
-        evaporating, condensing: [K] dew temperatures.
+        evaporating, condensing: [K] dew temperatures, or mean ones.
         rating: of `RATINGS`, or one's own.
+        reference: "dew" or "mean", of both temperatures; see `Cylinder`.
 
     Raises:
         BadInput: a machine without valves or with a perfect gas, an unknown rating, or temperatures that
@@ -191,7 +207,8 @@ def at_rating(
         discharge |= {"liquid_temperature": rating.liquid, "subcooling": rating.subcooling}
     # built anew, so that what is known is checked
     lines = dc.replace(gas.suction, **suction), dc.replace(gas.discharge, **discharge)
-    return replaced(compressor, gas=dc.replace(gas, suction=lines[0], discharge=lines[1]))
+    gas = dc.replace(gas, suction=lines[0], discharge=lines[1], reference=reference)
+    return rebuilt(compressor, gas=gas)
 
 
 def rating_map(
@@ -201,6 +218,7 @@ def rating_map(
     rating: str = "file",
     options: CycleOptions | None = None,
     solver: "Collocation | Shooting | None" = None,
+    reference: Reference = "dew",
 ) -> RatingMap:
     """Capacity, power, flow and efficiencies over evaporating and condensing temperature.
 
@@ -210,10 +228,11 @@ def rating_map(
 
     Args:
         machine: a compressor, a machine or a scene.
-        evaporating, condensing: [K] dew temperatures.
+        evaporating, condensing: [K] dew temperatures, or mean ones.
         rating: of `RATINGS`.
         options: how the cycles are solved.
         solver: of the motion of the crank; absent: as `solve_orbit`.
+        reference: "dew" or "mean", of both temperatures; see `Cylinder`. The polynomial is over them.
 
     Raises:
         BadInput: as `at_rating`, of any point.
@@ -221,11 +240,14 @@ def rating_map(
     options = options or CycleOptions()
     S = jnp.asarray(evaporating, float)
     D = jnp.asarray(condensing, float)
-    compressor = at_rating(machine, S[0], D[0], rating)
+    compressor = at_rating(machine, S[0], D[0], rating, reference)
     for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
-        at_rating(compressor, *ends, rating)
+        at_rating(compressor, *ends, rating, reference)
     shape = S.size, D.size
     points = jnp.repeat(S, D.size), jnp.tile(D, S.size)
+    if reference == "mean":
+        points = _dew_points(compressor, rating, *points)
+        compressor = at_rating(machine, points[0][0], points[1][0], rating)
     found, ok = _in_all_sizes(compressor, rating, options, solver, *points)
     ok = ok.reshape(shape)
     values = {name: np.where(ok, found[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
@@ -241,7 +263,19 @@ def rating_map(
             coefficients[name] = jnp.asarray(row)
             errors[name] = jnp.asarray(polynomial_errors(terms, row, given).max())
     arrays = {name: jnp.asarray(one) for name, one in values.items()}
-    return RatingMap(S, D, arrays, jnp.asarray(ok), coefficients, errors, rating)
+    return RatingMap(S, D, arrays, jnp.asarray(ok), coefficients, errors, rating, reference)
+
+
+def _dew_points(compressor: Compressor, rating: str, evaporating, condensing):
+    """[K] Dew temperatures of points by mean temperatures, worked out beside the program of the map."""
+    rows = []
+    for temperatures in zip(evaporating, condensing, strict=True):
+        gas = at_rating(compressor, *temperatures, rating, "mean").gas
+        assert isinstance(gas, Cylinder)
+        lines = gas.by_dew_points()
+        rows.append((lines.suction.evaporating, lines.discharge.condensing))
+    dew_points = jnp.asarray(rows)
+    return dew_points[:, 0], dew_points[:, 1]
 
 
 def polynomial_terms(evaporating, condensing) -> np.ndarray:

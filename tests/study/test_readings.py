@@ -354,7 +354,7 @@ def test_bundled_maps(name, at, values):
 
 
 def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
-    def made_up(scene, evaporating, condensing, standard, options, solver):
+    def made_up(scene, evaporating, condensing, standard, options, solver, reference):
         x, y = evaporating[:, None] - ZERO, condensing - ZERO
         n = float(scene.machine.compressor.motor.mean_speed) / (2 * np.pi)
         values = {name: n * (100 + x + 0 * y) for name, *_ in QUANTITIES}

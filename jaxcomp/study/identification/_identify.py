@@ -60,6 +60,7 @@ def identify(
     """
     given = measurements if isinstance(measurements, Sequence) else [measurements]
     design, prior = machine_of(machine), dict(prior or {})
+    given = [one.for_machine(design) for one in given]
     for one in given:
         one.check(design)
         one.check_limits(design, list(vary))

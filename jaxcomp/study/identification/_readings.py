@@ -52,7 +52,7 @@ class Readings(AbstractMeasurement):
 
     Attributes:
         source: name of the file, for messages and for the sources of the machine's values.
-        evaporating, condensing: [K] (n,) dew temperatures.
+        evaporating, condensing: [K] (n,) dew temperatures, or as `reference` says.
         gas: [K] (n,) that comes to the compressor.
         liquid: [K] (n,) before the expansion.
         useful: [K] (n,) of the gas up to which capacity counts.
@@ -65,6 +65,12 @@ class Readings(AbstractMeasurement):
         factors: [rad/s] speeds at which flow and power have factors of their own.
         by_subcooling: whether `liquid` is the condensing temperature less a subcooling, which counts from
             the bubble temperature: `liquid_of` takes the glide of the machine's fluid off.
+        by_superheat: whether `gas` is the evaporating temperature plus a superheat, which counts from the
+            dew temperature.
+        by_useful_superheat: the same of `useful`.
+        reference: "dew", or "mean" for temperatures in the middle of the glide of evaporator and
+            condenser, which `by_dew_points` turns into dew temperatures of the machine's fluid.
+        labels: (n,) names of the points, where they are not those of the temperatures.
     """
 
     source: str = field(compare=False)
@@ -81,13 +87,19 @@ class Readings(AbstractMeasurement):
     bends: tuple[str, ...] = field(compare=False, default=())
     factors: tuple[float, ...] = field(compare=False, default=())
     by_subcooling: bool = field(compare=False, default=False)
+    by_superheat: bool = field(compare=False, default=False)
+    by_useful_superheat: bool = field(compare=False, default=False)
+    reference: str = field(compare=False, default="dew")
+    labels: tuple[str, ...] = field(compare=False, default=())
     solver: Any = None
 
     names_of_sd: ClassVar[tuple[str, ...]] = tuple(MEASURED)
 
     @property
     def names(self) -> list[str]:
-        """(n,) such as "-5/30 C"."""
+        """(n,) such as "-5/30 C", by the temperatures of the source."""
+        if self.labels:
+            return list(self.labels)
         pairs = zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True)
         return [f"{s:.4g}/{d:.4g} C" for s, d in pairs]
 
@@ -101,6 +113,45 @@ class Readings(AbstractMeasurement):
             return self.liquid
         glide = self.condensing - np.asarray(fluid.bubble_of_dew(self.condensing))
         return self.liquid - glide
+
+    def by_dew_points(self, fluid: AbstractRealGas) -> "Readings":
+        """The readings with dew temperatures of a fluid; they themselves where they have these.
+
+        Raises:
+            BadInput: a pseudo-pure fluid, or a mean temperature that the fluid has at no pressure.
+        """
+        if self.reference == "dew":
+            return self
+        condensing = np.asarray(fluid.dew_of_mean(jnp.asarray(self.condensing)))
+        shifted = replace(
+            self, condensing=condensing, liquid=self.liquid + condensing - self.condensing
+        )
+        liquid = shifted.liquid_of(fluid) if self.by_subcooling else self.liquid
+        pressure = fluid.dew_pressure(condensing)
+        evaporating = []
+        for place, name in enumerate(self.names):
+            enthalpy = fluid.liquid(jnp.asarray(liquid[place]), jnp.asarray(pressure[place])).h
+            evaporating.append(float(fluid.dew_of_evaporator(self.evaporating[place], enthalpy)))
+            if not np.isfinite(evaporating[-1]):
+                bound = (
+                    f"mean temperatures that {fluid.name} has on its lines, with liquid that boils"
+                )
+                raise BadInput(f"{self.source}: point {name}", name, bound)
+        warmer = np.array(evaporating) - self.evaporating
+        return replace(
+            shifted,
+            evaporating=np.array(evaporating),
+            gas=self.gas + warmer * self.by_superheat,
+            useful=self.useful + warmer * self.by_useful_superheat,
+            liquid=shifted.liquid if self.by_subcooling else self.liquid,
+            reference="dew",
+            labels=tuple(self.names),
+        )
+
+    def for_machine(self, machine):
+        gas: Any = machine.as_compressor().gas if machine.compressor is not None else None
+        fluid = getattr(gas, "fluid", None)
+        return self.by_dew_points(fluid) if has_dew_line(fluid) else self
 
     def deviation(self, name: str, given: Mapping[str, float]) -> NDArray:
         """[SI] (n,) standard deviations of a quantity.

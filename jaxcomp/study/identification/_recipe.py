@@ -65,7 +65,8 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
     """
     design = machine_of(machine)
     compressor = design.as_compressor()
-    size, turns = _size(design, [readings] if isinstance(readings, Readings) else list(readings))
+    maps = [readings] if isinstance(readings, Readings) else list(readings)
+    size, turns = _size(design, [one.for_machine(design) for one in maps])
     design = with_swept_volume(design, jnp.asarray(size / compressor.crankshaft.count))
     if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
         faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
