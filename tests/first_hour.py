@@ -277,6 +277,27 @@ FILES = {
         "%",
         kind=R290,
     ),
+    "name of a blend on another composition": _file(
+        REAL_GAS,
+        'type = "mixture"\nname = "R448A"\nmass_fractions = { R32 = "30 %", R1234yf = "70 %" }',
+        "fluid.name",
+        "another composition",
+        kind=R290,
+    ),
+    "dew temperatures of a process gas": _file(
+        REAL_GAS,
+        'type = "mixture"\nmole_fractions = { methane = "90 %", hydrogen = "10 %" }',
+        "suction.evaporating",
+        "no dew line",
+        kind=R290,
+    ),
+    "mean temperatures of a pseudo-pure fluid": _file(
+        f"[gas.fluid]\n{REAL_GAS}",
+        'reference = "mean"\n[gas.fluid]\ntype = "real_gas"\nname = "R407C"',
+        "gas.reference",
+        'name = "R407C"',
+        kind=R290,
+    ),
     "unknown component": _file(
         REAL_GAS,
         'type = "mixture"\nmass_fractions = { R32 = 0.7, R1234yx = 0.3 }',

@@ -146,6 +146,8 @@ class Part(eqx.Module):
 
     # Whether a single number may be a list with one value for each of several cylinders.
     for_each_cylinder: ClassVar[bool] = False
+    # Lists of numbers that a machine file may have as a table of them by name.
+    tables_by_name: ClassVar[tuple[str, ...]] = ()
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         """Rules across fields, as {"what must hold": whether it holds}.

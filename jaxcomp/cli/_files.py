@@ -29,7 +29,9 @@ _SCHEMAS = ("A machine for jaxcomp", "Results of jaxcomp")
 # Characters of a value as it was given; JSON has all of it.
 _LONGEST = 120
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
-Kind = Literal["slider-crank", "v-twin", "slider-link", "refrigeration", "semi-hermetic", "rotor"]
+Kind = Literal[
+    "slider-crank", "v-twin", "slider-link", "refrigeration", "blend", "semi-hermetic", "rotor"
+]  # fmt: skip
 
 
 def new(

@@ -12,7 +12,7 @@ from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
 from .._core.polynomials import gauss, legendre_columns
-from ..fluid import AbstractFluid, AbstractRealGas, GasState
+from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
 from ..fluid.interface import has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
@@ -86,8 +86,7 @@ class Cylinder(AbstractGas):
     reference: Literal["dew", "mean"] = eqx.field(static=True, default="dew")
 
     def __check_init__(self):
-        if self.reference == "mean":
-            self._check_mean()
+        self._check_reference()
         if self.walls is not None and self.crank_end is not None:
             bound = "absent with a crank_end: give wall_temperature"
             raise BadInput("walls", "given", bound)
@@ -105,8 +104,12 @@ class Cylinder(AbstractGas):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
                 raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
 
-    def _check_mean(self) -> None:
-        """Refuse mean temperatures of a machine that has none."""
+    def _check_reference(self) -> None:
+        """Refuse dew points of a gas that has none, and mean temperatures without heat exchangers."""
+        if isinstance(self.fluid, AbstractRealGas) and not self.fluid.condenses:
+            self._check_lines_without_dew_points()
+        if self.reference == "dew":
+            return
         bound = (
             '"dew", or given with evaporating or condensing temperatures of a fluid that condenses'
         )
@@ -114,6 +117,18 @@ class Cylinder(AbstractGas):
         no_exchanger = all(temperature is None for temperature in line_temperatures)
         if no_exchanger or not has_dew_line(self.fluid):
             raise BadInput("reference", '"mean"', bound)
+
+    def _check_lines_without_dew_points(self) -> None:
+        """Refuse temperatures of dew or bubble points of a gas that has none here."""
+        names = (("suction", "evaporating"), ("suction", "superheat"), ("discharge", "condensing"))
+        names += (("discharge", "subcooling"), ("discharge", "liquid_temperature"))
+        for line, name in names:
+            value = getattr(getattr(self, line), name)
+            if value is not None:
+                bound = (
+                    f"absent: {_name(self.fluid)} has no dew line; give pressures and temperatures"
+                )
+                raise BadInput(f"{line}.{name}", value, f"{bound} of the gas")
 
     def by_dew_points(self) -> "Cylinder":
         """The cylinder with evaporating and condensing temperatures of dew points, as solvers take it."""
@@ -315,6 +330,9 @@ def _name(fluid: AbstractFluid) -> str:
 
 
 def _critical(fluid: AbstractRealGas) -> str:
+    if isinstance(fluid, Mixture):
+        end = f"the end of the dew line of {fluid.name}, 0.985 of its critical temperature"
+        return f"{end}; give pressures above"
     return f"the critical temperature of {fluid.name}"
 
 

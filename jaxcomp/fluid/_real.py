@@ -48,6 +48,11 @@ class AbstractRealGas(AbstractFluid):
         """[Pa] on the dew line at that temperature."""
 
     @property
+    def range_ends_with(self) -> str:
+        """Fluid whose equation of state ends at the highest temperature: of a mixture a component."""
+        return self.name
+
+    @property
     @abstractmethod
     def has_glide(self) -> bool:
         """Whether dew and bubble temperature at a pressure differ, as those of a blend do."""

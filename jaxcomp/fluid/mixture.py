@@ -42,6 +42,7 @@ from ._saturation_lines import (
 from ._transport import mixed_transport
 
 _ROUNDING = 1e-3  # of a sum of fractions: analyses and lists of blends print a tenth of a per cent
+_NAMED = 0.03  # by which a fraction of a blend may differ: tolerances of ASHRAE 34 are up to 2 %
 _MARGIN = 1.02  # of the dew density, beyond which gas counts as wet, as of pure fluids
 
 Model = Literal["GERG-2008", "reference equations"]
@@ -85,6 +86,7 @@ class Mixture(AbstractRealGas):
     name: str = eqx.field(static=True, default="")
     model: Model | None = eqx.field(static=True, default=None)
     estimate_pairs: bool = eqx.field(static=True, default=False)
+    tables_by_name: ClassVar[tuple[str, ...]] = ("mass_fractions", "mole_fractions")
     # no entry of a file: it follows from the composition
     lines: SaturationLines | None = eqx.field(default=None, repr=False, metadata={"derived": True})
 
@@ -111,6 +113,7 @@ class Mixture(AbstractRealGas):
             )
         checked_pairs(components, model, estimate_pairs, "name" if name else "components")
         table = multi_fluid(components, model)
+        _check_name(name, table, components, fractions, by_amount)
         self.components = components
         self.model = model
         self.estimate_pairs = estimate_pairs
@@ -294,11 +297,25 @@ class Mixture(AbstractRealGas):
         """
         if not any(map(is_traced, (T, p, self.mass_fractions))):
             low, high, most = self.table.limits
-            self._require("T", T, Bound(low, high), "K, the range of")
+            self._require("T", T, Bound(low, high), f"K, the range of {self._limited_by(T)} in")
+            why = f"Pa at {T:g} K, for gas of"
             if self.condenses and np.all(np.less(T, self.critical_temperature)):
                 most = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
-            self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
+                if np.all(np.less(p, self.critical_pressure)):
+                    dew = float(self.dew_temperature(p))
+                    told = f"the dew temperature at that pressure is {dew:.5g} K"
+                    why = f"Pa at {T:g} K, as {told}, for gas of"
+            self._require("p", p, Bound(0.0, most, low_open=True), why)
         return super().density(T, p)
+
+    def _limited_by(self, T) -> str:
+        """The component, or the model, whose range ends before a temperature [K] that is beyond it."""
+        low, _, _ = self.table.limits
+        return self.table.limited_by[0 if np.any(np.less(T, low)) else 1]
+
+    @property
+    def range_ends_with(self) -> str:
+        return self.table.limited_by[1]
 
     # ------------------------------------------------------------------- saturation
     @property
@@ -475,6 +492,25 @@ def _blend_of(name: str) -> Blend:
         bound = "a mixture with mass_fractions, mole_fractions, or the name of a blend of ASHRAE 34"
         raise BadInput("mass_fractions", "absent", bound)
     return blend(name)
+
+
+def _check_name(name: str, table: MultiFluid, components, fractions, by_amount: bool) -> None:
+    """Refuse the name of a blend of ASHRAE 34 for another composition.
+
+    Raises:
+        BadInput: such a name.
+    """
+    if name not in blends():
+        return
+    w = table.mass_fractions(fractions) if by_amount else fractions / fractions.sum()
+    listed = blends()[name].mass_fractions
+    own = dict(zip(components, w, strict=True))
+    names = own.keys() | listed.keys()
+    if any(abs(own.get(one, 0.0) - listed.get(one, 0.0)) > _NAMED for one in names):
+        bound = (
+            f"a name of your own: {name} has another composition; leave the fractions out for it"
+        )
+        raise BadInput("name", f'"{name}"', bound)
 
 
 def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.ndarray, bool]:

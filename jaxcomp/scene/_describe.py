@@ -69,6 +69,7 @@ def describe(scene: Scene) -> tuple[DescribedValue, ...]:
 
 def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[DescribedValue]:
     told = meanings(type(part))
+    table = type(part).written(table)
     for name, entry in entries(type(part)).items():
         value = getattr(part, name)
         here = join(path, name)

@@ -63,6 +63,12 @@ def _properties(part: type[Part], parts: dict[str, Any]) -> dict[str, Any]:
         if isinstance(entry, Number | Option):
             words = meaning(entry, told[name])
             found[name] = _entry(entry, name, parts) | {"description": words}
+            if isinstance(entry, Number) and name in part.tables_by_name:
+                numbers = {
+                    "type": "object",
+                    "additionalProperties": _any(_number(entry, name, False)),
+                }
+                found[name]["anyOf"].append(numbers | {"minProperties": 1})
         elif isinstance(entry, Section):
             found[name] = _entry(entry, name, parts)
     return found

@@ -11,7 +11,7 @@ from .._core.each import AbstractEach, listed, of_cylinder
 from .._core.fields import subparts
 from ..compressor import Compressor
 from ..cylinder import Cylinder
-from ..fluid import AbstractRealGas
+from ..fluid import AbstractRealGas, GasState
 from ..fluid.interface import has_dew_line
 from ..gas import PolytropicCycle
 from ..machine import machine_of
@@ -105,6 +105,16 @@ def _of_cylinders(compressor: Compressor):
         yield "Rods outside the main bearings", outside, "overhung" if outside else ""
 
 
+def _of_compression(gas: Cylinder, suction: GasState):
+    """Compressibility at both ends of the isentropic compression between the lines, and its work."""
+    _, isentropic = gas.discharge.states(gas.fluid, suction)
+    for name, state in (("suction valve", suction), ("end of isentropic compression", isentropic)):
+        perfect = state.rho * gas.fluid.specific_gas_constant * state.T
+        yield f"Compressibility at the {name}", float(state.p / perfect), ""
+    head = 1e-3 * float(isentropic.h - suction.h)
+    yield "Isentropic head", head, "kJ/kg, from the suction valve to the discharge pressure"
+
+
 def _of_glide(fluid: AbstractRealGas, low: float, high: float):
     """Glide of a blend at the pressures [Pa] of the lines, as far as it condenses there."""
     for name, pressure in (("suction", low), ("discharge", high)):
@@ -121,6 +131,7 @@ def _of_valves(gas: Cylinder, speed: float):
     suction = gas.suction.state(gas.fluid)
     behind = gas.discharge.states(gas.fluid, suction)[0]
     yield "Pressure ratio", float(behind.p / suction.p), ""
+    yield from _of_compression(gas, suction)
     if has_dew_line(gas.fluid) and gas.fluid.has_glide:
         yield from _of_glide(gas.fluid, float(suction.p), float(behind.p))
     for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):

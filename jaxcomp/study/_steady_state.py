@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax
+import jax.numpy as jnp
 
+from .._core.display import ZERO_CELSIUS
 from .._core.each import of_cylinder
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
@@ -28,6 +30,7 @@ from ..crank import (
 from ..crank.interface import film_thickness, moved_films
 from ..cylinder import Cycle
 from ..cylinder.interface import GRAZING
+from ..fluid import AbstractRealGas
 from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, rod_forces
@@ -227,7 +230,11 @@ def steady_state(
             for name in film_thickness(compressor, orbit)
         },
         rods,
-        (*_remarks(compressor, margins, rods), *_remarks_on_stability(orbit.cycle)),
+        (
+            *_remarks(compressor, margins, rods),
+            *_remarks_on_stability(orbit.cycle),
+            *_remarks_on_range(orbit.cycle),
+        ),
         moved_films(compressor, orbit) if moving_films else None,
         None if suspension is None else _vibration(compressor, orbit, suspension),
         None if train is None else train_torques(compressor, orbit, train),
@@ -316,6 +323,20 @@ def _verification(orbit: Orbit) -> dict[str, Any]:
     }
     ended = {"steps": int(march.steps), "status": Status[march.status]}
     return jax.tree.map(float, errors) | ended
+
+
+def _remarks_on_range(cycle: Any) -> Iterator[str]:
+    """Remark on gas that is hotter than the range of its equation of state."""
+    case = getattr(cycle, "case", None)
+    fluid = None if case is None else case.cylinder.fluid
+    if not isinstance(fluid, AbstractRealGas):
+        return
+    hottest = float(jnp.max(cycle.temperature))
+    _, most = fluid.temperature_range
+    if hottest > most:
+        reached = f"The gas reaches {hottest - ZERO_CELSIUS:.0f} °C"
+        end = f"beyond {most - ZERO_CELSIUS:.0f} °C, up to which the equation of state of"
+        yield f"{reached}, {end} {fluid.range_ends_with} was fitted."
 
 
 def _remarks_on_stability(cycle: Any) -> Iterator[str]:
