@@ -35,6 +35,8 @@ FREE = 1
 STOP = 2
 # For either valve: leaves its seat, meets it or leaves its stop; meets its stop; U = 0; dp = 0.
 EVENTS = 8
+# streams of a cylinder, see `Rates`
+STREAMS = 6
 # [1/rad] How fast what does not move returns to its place, where it is already.
 _IDLE = 1.0
 
@@ -124,6 +126,7 @@ def rates(
     gas: GasState | None = None,
     speed: Float[Array, ""] | None = None,
     pair: tuple[PlenumChain, PlenumChain] | None = None,
+    lines: tuple[Side, Side] | None = None,
 ) -> Rates:
     """Right-hand side, accounts and event functions.
 
@@ -136,10 +139,12 @@ def rates(
         speed: [rad/s] of the crank. The rates are then those in time, over the mean speed of the case,
             and the crank may stand; absent: that of the case, and rates over the crank angle.
         pair: the plenums before the suction and behind the discharge valve, which `Cylinders` follows.
+        lines: the gas at the flanges, where pipes let it swing; that of the case if absent.
     """
     gas = gas_in(case, angle, state) if gas is None else gas
     cylinder, inside = case.cylinder, side_of(gas)
-    before, behind = map(side_of, valve_sides(pair)) if pair else case.lines
+    flanges = case.lines if lines is None else lines
+    before, behind = map(side_of, valve_sides(pair)) if pair else flanges
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
     # correlations with negative powers of the speed have no value at rest
@@ -155,7 +160,8 @@ def rates(
     valves = _valves(case, (before, inside, behind), state[2:STATES], flags, pace)
     transport = _transport(cylinder, gas)
     # the sign of the suction valve's difference, where that is the one to the line
-    inward = flags[2] > 0 if cylinder.inert and pair is None else None
+    follows = cylinder.inert and pair is None and lines is None
+    inward = flags[2] > 0 if follows else None
     leak, leak_enthalpy = _leakage(case, inside, case.lines[0], inward, transport)
     heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
 
@@ -173,7 +179,9 @@ def rates(
     tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
     leaks = leak * tiny, leak * leak_enthalpy * small
     flows = valves.flow * tiny, carried * small
-    accounts = _accounts(case, inside, valves.is_open, flows, leaks, heat * small, volume_1)
+    scale = case.energy_scale
+    warmed = heat * small
+    accounts = _accounts(flanges, scale, inside, valves.is_open, flows, leaks, warmed, volume_1)
     to_plenums = (jnp.zeros(()),) * 2
     if cylinder.walls is not None:
         to_plenums = cylinder.walls.to_plenums(wall, pair)
@@ -191,11 +199,14 @@ def rates(
     )
 
 
-def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -> Accounts:
+def _accounts(
+    lines: tuple[Side, Side], energy_scale, inside: Side, is_open, flows, leaks, heat, volume_1
+) -> Accounts:
     """Rates of mass and energy through the cylinder over the angle, in units of mass and energy scale.
 
     Args:
-        case: cylinder and lines.
+        lines: the gas at the flanges.
+        energy_scale: [J]
         inside: the gas in the cylinder.
         is_open: (2,) 1 where suction and discharge valve are open.
         flows: of mass (2,) through them, forward, and of the enthalpy that it carries (2,).
@@ -203,7 +214,9 @@ def _accounts(case: Case, inside: Side, is_open, flows, leaks, heat, volume_1) -
         heat: from the wall.
         volume_1: [m^3/rad]
     """
-    (suction, discharge), (masses, heats), worked = case.lines, flows, volume_1 / case.energy_scale
+    suction, discharge = lines
+    masses, heats = flows
+    worked = volume_1 / energy_scale
     back = -jnp.minimum(masses, 0.0)
     lost = is_open * worked
     return Accounts(

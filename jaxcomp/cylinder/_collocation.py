@@ -28,10 +28,10 @@ _LEFT = 1e-6
 # the valve would pass: 4e-7 of the flow here.
 _PASSED = 1e-9
 # [-] A step of Newton's method beyond this has lost the solution.
-_LOST = 10.0
+LOST = 10.0
 # [-] A step below this part of the one before is taken with the same Jacobian, so many at most.
-_FAST = 0.1
-_MOST_WITH_ONE = 6
+FAST = 0.1
+MOST_WITH_ONE = 6
 
 
 class Residual(NamedTuple):
@@ -50,10 +50,10 @@ def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Arra
         return found.state, found.events
 
     slopes, events = at_points(law, mesh, z)
-    return _residual(system, mesh, z, slopes, events), events
+    return residual(system, mesh, z, slopes, events), events
 
 
-def _residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
+def residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Residual:
     rule = gauss(z.points.shape[1] - 1)
     integral = jnp.asarray(np.vstack([rule.integral, rule.weights]))
     width = jnp.diff(z.edges)[:, None, None]
@@ -84,15 +84,20 @@ class Blocks(NamedTuple):
 
 def linearise(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Blocks, Array]:
     """The equations, their Jacobian and the event functions, from one evaluation of the law."""
+    return assemble(system, mesh, z, *at_points(system.jacobian, mesh, z))
+
+
+def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state, slopes_of_events):
+    """The equations, their Jacobian and the event functions, from what `Cylinders.jacobian` gives."""
     panels = z.points.shape[0]
     s = z.points.shape[1] - 1
     n = z.points.shape[2]
     rule = gauss(s)
     a, b, c = map(jnp.asarray, (rule.integral, rule.weights, rule.nodes))
-    (slope, events), (by_state, by_angle), (events_by_state, events_by_angle) = at_points(
-        system.jacobian, mesh, z
-    )
-    left = _residual(system, mesh, z, slope, events)
+    slope, events = values
+    by_state, by_angle = slopes_of_state
+    events_by_state, events_by_angle = slopes_of_events
+    left = residual(system, mesh, z, slope, events)
     slope = slope[:, :s]
     by_state = by_state[:, :s]
     by_angle = by_angle[:, :s]
@@ -146,7 +151,7 @@ class Factors(NamedTuple):
     maps: Float[Array, "p n+1 n+1"]
 
 
-def _solve_stages(stages: tuple[Array, Array], right_side):
+def solve_stages(stages: tuple[Array, Array], right_side):
     factors, order = stages
     shuffled = jnp.take_along_axis(right_side, order[:, :, None], axis=1)
     options = {"left_side": True, "lower": True, "unit_diagonal": True}
@@ -158,7 +163,7 @@ def factorise(blocks: Blocks) -> Factors:
     """Condense every panel to its ends."""
     n = blocks.jump.shape[-1]
     factors, _, order = lax.linalg.lu(blocks.stages)
-    nodes = _solve_stages((factors, order), blocks.inputs)
+    nodes = solve_stages((factors, order), blocks.inputs)
     ends = blocks.out @ nodes + blocks.direct
 
     # the edge at the end follows its event, and is no input any more
@@ -208,7 +213,7 @@ def solve_factors(factors: Factors, given: Residual) -> Unknowns:
     panels = given.points.shape[0]
     s = given.points.shape[1] - 1
     n = given.points.shape[2]
-    own_nodes = _solve_stages(factors.stages, given.points[:, :s].reshape(panels, s * n, 1))
+    own_nodes = solve_stages(factors.stages, given.points[:, :s].reshape(panels, s * n, 1))
     own_ends = (factors.out @ own_nodes)[:, :, 0] + given.points[:, -1]
     own_edge = factors.share * (given.events - jnp.sum(factors.gradient * own_ends, axis=1))
     own_end = own_ends + factors.by_edge * own_edge[:, None]
@@ -249,7 +254,7 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
 
     def falling(size, last, steps):
         going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
-        return going & (size < _LOST) & (steps < max_steps)
+        return going & (size < LOST) & (steps < max_steps)
 
     def going_on(carry):
         _, size, last, steps, _, _ = carry
@@ -262,7 +267,7 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
 
         def fast(carry):
             _, _, size, last, count, _ = carry
-            again = (size > tolerance) & (size < _FAST * last) & (count <= _MOST_WITH_ONE)
+            again = (size > tolerance) & (size < FAST * last) & (count <= MOST_WITH_ONE)
             return again | (count == 0)
 
         def step(carry):
@@ -271,10 +276,10 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
             # the velocity in the port of a shut valve may be anything at the start; it decides nothing
             counts = jnp.ones(z.left.shape[1]).at[system.columns(4, 7)].set(0.0)
             size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
-            size = jnp.where(jnp.isfinite(size), size, 2 * _LOST)
-            z = jax.tree.map(lambda x, d: jnp.where(size < _LOST, x + d, x), z, step)
+            size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
+            z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
             left, events = evaluate(system, mesh, z)
-            return z, left, size, last, count + 1, _holds(z, events)
+            return z, left, size, last, count + 1, branches_hold(z, events)
 
         endless = jnp.asarray(jnp.inf)
         begin = (z, left, endless, endless, none, jnp.asarray(False))
@@ -282,18 +287,18 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
         return z, size, before, steps + 1, more + count - 1, good
 
     none = jnp.zeros((), int)
-    begin = (start, jnp.asarray(1.0), jnp.asarray(_LOST), none, none, jnp.asarray(False))
+    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, jnp.asarray(False))
     z, size, _, steps, more, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, more, good & _within(system, mesh, z))
+    return z, NewtonReport(size, steps, more, good & keeps_within(system, mesh, z))
 
 
-def _holds(z: Unknowns, events) -> Bool[Array, ""]:
+def branches_hold(z: Unknowns, events) -> Bool[Array, ""]:
     """Whether every branch holds at every node of a panel with some width."""
     wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
     return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
 
 
-def _within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
+def keeps_within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
     """Whether free valves keep between seat and stop between the nodes as well."""
     free = (mesh.flags[:, :: FLAGS // 2] == FREE) & (jnp.diff(z.edges) > 1e-7)[:, None]
     lift = jnp.where(free[:, None], z.points[..., system.columns(2, 5)], 0.5)

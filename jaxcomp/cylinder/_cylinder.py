@@ -376,6 +376,26 @@ class Pace(eqx.Module):
         terms = gauss(count).to_legendre @ self.excess[panel]
         return legendre_columns(2 * x - 1, count) @ terms
 
+    def lag(self, angle: Float[Array, ""]) -> Float[Array, ""]:
+        """The excess [rad] that has come together since the first edge, at a crank angle [rad]."""
+        first = self.edges[0]
+        turned = first + jnp.mod(angle - first, 2 * np.pi)
+        panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
+        panel = jnp.clip(panel, 0, self.edges.size - 2)
+        widths = jnp.diff(self.edges)
+        count = self.excess.shape[-1]
+        rule = gauss(count)
+        whole = widths * (self.excess @ rule.weights)
+        before = jnp.concatenate([jnp.zeros(1), jnp.cumsum(whole)])
+        wide = widths[panel] > 0
+        x = (turned - self.edges[panel]) / jnp.where(wide, widths[panel], 1.0)
+        terms = rule.to_legendre @ self.excess[panel]
+        columns = legendre_columns(jnp.where(wide, 2 * x - 1, -1.0), count + 1)
+        # of Legendre's polynomials the integral from -1 to y is (P_(k+1) - P_(k-1))/(2 k + 1)
+        odd = 2 * np.arange(1, count) + 1
+        integrals = jnp.concatenate([(columns[1] + 1)[None], (columns[2:] - columns[:-2]) / odd])
+        return before[panel] + widths[panel] / 2 * (integrals @ terms)
+
 
 class Case(eqx.Module):
     """A cylinder on its mechanism at a speed, with everything that is constant over a revolution."""

@@ -12,6 +12,7 @@ from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import Status
 from ._balance import EVENTS, FLAGS, FREE, Accounts, temperature_and_density, valve_scales
+from ._border import AttachedWaves, Both
 from ._collocation import Attached
 from ._cycle import Cycle, Events
 from ._cylinder import Case
@@ -20,6 +21,7 @@ from ._plenum import PER_PLENUM, chains
 from ._revolutions import START, TURN
 from ._several import SeveralCycles
 from ._system import Cylinders
+from ._waves import Waves
 
 
 class CycleSolution(NamedTuple):
@@ -37,6 +39,7 @@ class CycleSolution(NamedTuple):
     events: Int[Array, ""]  # of the last revolution that was marched
     repeats: Bool[Array, ""]  # whether that one was as the one before, within the tolerance
     alternates: Bool[Array, ""]  # whether it was as the one before that, and not as the one before
+    waves: Waves | None = None  # at the flanges of pipes
 
 
 def cycle_of(system: Cylinders, found, marching: bool) -> Cycle:
@@ -86,7 +89,15 @@ def _from_start(cycle: Cycle) -> Cycle:
 
 def _followed(system: Cylinders, found: CycleSolution, marching: bool):
     """A solution with its dependence on the system; accounts and pressures at all points."""
-    z = found.z if marching else root(Attached(system, found.mesh, found.z))
+    waves = found.waves
+    if waves is not None:
+        both = Both(found.z, waves)
+        followed = root(AttachedWaves(system, found.mesh, both))
+        z = followed.panels
+        system = system.with_waves(followed.waves)
+        found = found._replace(waves=followed.waves)
+    else:
+        z = found.z if marching else root(Attached(system, found.mesh, found.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
 

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity, rebuilt
 from ..fluid import AbstractFluid, GasState
 from ..fluid.interface import has_dew_line
+from ..piping import Piping
 from ._plenum import Plenum
 from .suction_warming import SuctionWarming
 
@@ -25,6 +26,7 @@ class SuctionLine(Part):
         warming: a law of that rise, which the periodic state closes; `heating` is then where that begins.
         plenums: between line and valve, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the gas of the line.
+        piping: pipes between that line and the valves; its pressure is constant if absent.
 
     Raises:
         ValueError: neither or both of a pair.
@@ -52,6 +54,7 @@ class SuctionLine(Part):
     )
     warming: SuctionWarming | None = None
     plenums: tuple[Plenum, ...] = ()
+    piping: Piping | None = None
 
     def __check_init__(self):
         _one_of(self, "pressure", "evaporating")
@@ -85,6 +88,7 @@ class DischargeLine(Part):
         liquid_temperature: [K] of that liquid, instead of the subcooling.
         plenums: between valve and line, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the pressure of the line.
+        piping: pipes between the valves and that line; its pressure is constant if absent.
 
     Raises:
         ValueError: neither or both of pressure and condensing temperature, or two temperatures of the
@@ -116,6 +120,7 @@ class DischargeLine(Part):
         "K", POSITIVE, default=None, doc="of that liquid, instead of the subcooling"
     )
     plenums: tuple[Plenum, ...] = ()
+    piping: Piping | None = None
 
     def __check_init__(self):
         _one_of(self, "pressure", "condensing")

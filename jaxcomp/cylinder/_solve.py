@@ -25,10 +25,12 @@ from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
 from ._march import Record
 from ._options import COARSE, CycleOptions
 from ._panels import Mesh, Unknowns, lay_mesh, resolution
+from ._piped import piped_rounds
 from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
 from ._several import SeveralCycles
 from ._system import Cylinders
+from ._waves import is_piped, still
 from .wall_network import OF_WALL
 
 
@@ -187,7 +189,7 @@ def solve_cycles(
         return _of_ends(partial(_solved_ends, options=options), ends, speed, pace, start)
     if len(mechanisms) == 1:
         return _solved(cylinder, mechanisms[0], speed, options, pace, start)
-    if cylinder.plenums:
+    if cylinder.plenums or is_piped(cylinder):
         return _solved_together(cylinder, stacked(mechanisms), phase, speed, options, pace, start)
 
     def one(mechanism, pace, start):
@@ -365,6 +367,10 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
     if marching:
         system = values_only(system)
     frozen = lax.stop_gradient(system)
+    piped = is_piped(system.cases.cylinder)
+    if piped and not marching:
+        nothing = _nothing(frozen.count, frozen.size, options)
+        return system, piped_rounds(frozen, options, start, _laid, nothing), marching
     solve = _march_only if marching else _rounds
     found = solve(frozen, options, start)
     return system, found, marching
@@ -540,11 +546,12 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
         own_options = options if ends.together == 1 else options.of_several(ends.together)
         nothing = _nothing(ends.together, size, own_options)
         return nothing if ends.groups == 1 else over_cylinders(nothing, ends.groups)
-    if count > 1 and not cylinder.plenums:
+    if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own = STATES + (0 if cylinder.walls is None else OF_WALL)
     size = count * own + PER_PLENUM * len(cylinder.plenums)
-    return _nothing(count, size, options if count == 1 else options.of_several(count))
+    nothing = _nothing(count, size, options if count == 1 else options.of_several(count))
+    return nothing._replace(waves=still(cylinder)) if is_piped(cylinder) else nothing
 
 
 def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:

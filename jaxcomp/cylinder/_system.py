@@ -4,7 +4,7 @@ There is one vector of states, one of branches and one row of events, so that ma
 not know how many cylinders there are.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,10 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..valve.interface import Side
 from ._balance import (
     EVENTS,
     FLAGS,
     STATES,
+    STREAMS,
     Accounts,
     Rates,
     gas_in,
@@ -28,9 +30,43 @@ from ._events import after_event, jump, longest_step, passed, towards
 from ._piston_end import PistonEnd
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states
 from ._rings import with_ring_flow
+from ._waves import (
+    Observed,
+    Waves,
+    flange_numbers,
+    harmonics,
+    has_own_temperature,
+    machine_time,
+    orders_of,
+    pipings,
+    side_at,
+    sides_of,
+)
 from .wall_network import OF_WALL, next_revolution
 
 _LEAKAGE = np.array([Accounts._fields.index(name) for name in ("leakage", "leakage_heat")])
+
+
+class FlangeJacobian(NamedTuple):
+    """Rates over the crank angle with all derivatives, behind flanges whose pressures swing.
+
+    Attributes:
+        panels: as `Cylinders.jacobian` gives it, with what the pressures do over the angle.
+        state_by_pressure: (n, k) of the rates in the k pressures over those of the lines.
+        events_by_pressure: (e, k)
+        observed: (o,) flows through the flanges.
+        observed_by_state, observed_by_angle, observed_by_pressure: (o, n), (o,), (o, k)
+        basis: (k, c) pressures for each harmonic of each flange.
+    """
+
+    panels: tuple
+    state_by_pressure: Float[Array, "n k"]
+    events_by_pressure: Float[Array, "e k"]
+    observed: Float[Array, " o"]
+    observed_by_state: Float[Array, "o n"]
+    observed_by_angle: Float[Array, " o"]
+    observed_by_pressure: Float[Array, "o k"]
+    basis: Float[Array, "k c"]
 
 
 class Cylinders(eqx.Module):
@@ -42,11 +78,13 @@ class Cylinders(eqx.Module):
         cases: the cylinders; of several, with an axis of them. Their lines are the same.
         phase: [rad] (k,) own angle of each less that of the crank.
         in_time: whether the rates are those in time; the temperature of the walls is held then.
+        waves: of the pressures at the flanges of pipes; `None` where lines are constant.
     """
 
     cases: Case
     phase: Float[Array, " k"]
     in_time: bool = eqx.field(static=True, default=False)
+    waves: Waves | None = None
 
     @property
     def count(self) -> int:
@@ -110,11 +148,14 @@ class Cylinders(eqx.Module):
         """
         own, plenums = self.parted(state)
         pair = chains(self.shared, plenums) if plenums.size else None
+        pressures = [] if self.waves is None else [self.flange_pressures(angle)]
 
-        def one(case, angle, state, flags):
-            return rates(case, angle, state, flags, speed=speed, pair=pair)
+        def one(case, angle, state, flags, *pressures):
+            lines = self.sides(case, pressures[0]) if pressures else None
+            return rates(case, angle, state, flags, speed=speed, pair=pair, lines=lines)
 
-        found = self.each(one, self.own_angle(angle), own, flags.reshape(-1, FLAGS))
+        flags = flags.reshape(-1, FLAGS)
+        found = self.each(one, self.own_angle(angle), own, flags, *pressures)
         if self.leaks_between:
             more, leaks = self._between_ends(angle, own, speed)
             of_gas = found.state.at[:, :2].add(more)
@@ -208,6 +249,147 @@ class Cylinders(eqx.Module):
             by_angle = jnp.concatenate([by_angle, turned + with_angle])
             state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*given)])
         return (state_1.ravel(), events.ravel()), (by_state, by_angle), among_all(of_events)
+
+    def with_waves(self, waves: Waves) -> "Cylinders":
+        """The same behind flanges with these waves."""
+        return Cylinders(self.cases, self.phase, self.in_time, waves)
+
+    @property
+    def first(self) -> Case:
+        """The first cylinder."""
+        return self.cases if self.count == 1 else jax.tree.map(lambda leaf: leaf[0], self.cases)
+
+    @property
+    def piped_sides(self) -> tuple[int, ...]:
+        """Numbers of the lines that are networks of pipes."""
+        return sides_of(self.cases.cylinder)
+
+    @property
+    def orders(self) -> int:
+        """Harmonics of the waves."""
+        return orders_of(self.cases.cylinder)
+
+    @property
+    def _flanges(self) -> list[np.ndarray]:
+        """Flange of every cylinder in each network."""
+        networks = pipings(self.cases.cylinder)
+        return [flange_numbers(networks[side], self.count) for side in self.piped_sides]  # pyright: ignore[reportArgumentType]
+
+    def flange_pressures(self, angle: Float[Array, ""]) -> Float[Array, "k l"]:
+        """[-] Of every cylinder at each piped line, over that of the line, less one."""
+        assert self.waves is not None
+        tau, _ = machine_time(self.first, self.phase[0], self.own_angle(angle)[0])
+        basis = harmonics(tau, self.orders)
+        columns = []
+        for side, flanges in zip(self.piped_sides, self._flanges, strict=True):
+            waves = self.waves[side]
+            assert waves is not None
+            columns.append((waves.pressure @ basis)[flanges])
+        return jnp.stack(columns, axis=1)
+
+    def sides(self, case: Case, pressures: Float[Array, " l"]) -> tuple[Side, Side]:
+        """The gas at the flanges of a cylinder."""
+        lines = list(case.lines)
+        for place, side in enumerate(self.piped_sides):
+            lines[side] = side_at(lines[side], 1 + pressures[place])
+        return lines[0], lines[1]
+
+    def observation(self) -> np.ndarray:
+        """From the streams of all cylinders to the flows of all flanges, and heats where they count."""
+        rows = []
+        cylinder = self.cases.cylinder
+        for side, flanges in zip(self.piped_sides, self._flanges, strict=True):
+            for flange in range(flanges.max() + 1):
+                row = np.zeros((self.count, STREAMS))
+                row[flanges == flange, 2 * side] = 1
+                rows.append(row.ravel())
+            if has_own_temperature(cylinder, side):
+                row = np.zeros((self.count, STREAMS))
+                row[:, 2 * side + 1] = 1
+                rows.append(row.ravel())
+        return np.stack(rows)
+
+    def observe(self, streams: Float[Array, "k 6"]) -> Float[Array, " o"]:
+        """Flows [kg/s] through all flanges, with the heat [W] of each network whose gas it warms."""
+        return jnp.asarray(self.observation()) @ streams.ravel()
+
+    def of_sides(self, harmonics: Float[Array, "o h"]) -> tuple[Observed, ...]:
+        """Harmonics of what `observe` gives, for each network."""
+        parts = []
+        place = 0
+        cylinder = self.cases.cylinder
+        for side, flanges in zip(self.piped_sides, self._flanges, strict=True):
+            end = place + flanges.max() + 1
+            flow = harmonics[place:end]
+            heat = jnp.zeros(harmonics.shape[1])
+            if has_own_temperature(cylinder, side):
+                heat = harmonics[end]
+                end += 1
+            parts.append(Observed(flow, heat))
+            place = end
+        return tuple(parts)
+
+    def _basis(self, angle: Float[Array, ""]) -> Float[Array, "q c"]:
+        """Pressures of all cylinders at each piped line for each harmonic of each flange."""
+        tau, _ = machine_time(self.first, self.phase[0], self.own_angle(angle)[0])
+        flanges = self._flanges
+        counts = [numbers.max() + 1 for numbers in flanges]
+        starts = np.cumsum([0, *counts])
+        lines = len(flanges)
+        chosen = np.zeros((self.count, lines, starts[-1]))
+        for line, numbers in enumerate(flanges):
+            chosen[np.arange(self.count), line, starts[line] + numbers] = 1
+        wide = chosen.reshape(-1, starts[-1], 1) * harmonics(tau, self.orders)
+        return wide.reshape(self.count * lines, -1)
+
+    def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
+        """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""
+        own, _ = self.parted(state)
+        m, k, lines = self.stride, self.count, len(self.piped_sides)
+        one_angle = jnp.ones_like(angle)
+        pressures, pressures_1 = jax.jvp(self.flange_pressures, (angle,), (one_angle,))
+
+        def one(case, angle, state, flags, pressures):
+            def law(packed, gas):
+                sides = self.sides(case, packed[1 + m :])
+                found = rates(case, packed[0], packed[1 : 1 + m], flags, gas, lines=sides)
+                return jnp.concatenate([found.state, found.events, found.streams])
+
+            packed = jnp.concatenate([angle[None], state, pressures])
+            return in_angle_and_state(case, law, packed)
+
+        flags = flags.reshape(-1, FLAGS)
+        values, slopes = self.each(one, self.own_angle(angle), own, flags, pressures)
+        of_pressures = slopes[:, :, 1 + m :]
+        by_angle = slopes[:, :, 0] + jnp.einsum("krl,kl->kr", of_pressures, pressures_1)
+
+        def among_all(rows: Float[Array, "k r c"]):
+            """From own columns to those of all cylinders."""
+            here = np.arange(k)
+            width = rows.shape[2]
+            wide = jnp.zeros((k, rows.shape[1], k, width)).at[here, :, here].set(rows)
+            return wide.reshape(k * rows.shape[1], k * width)
+
+        parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
+        state_1, events, streams = (values[:, part].ravel() for part in parts)
+        by_state, events_by_state, streams_by_state = (
+            among_all(slopes[:, part, 1 : 1 + m]) for part in parts
+        )
+        by_pressure, events_by_pressure, streams_by_pressure = (
+            among_all(of_pressures[:, part]) for part in parts
+        )
+        turned, events_turned, streams_turned = (by_angle[:, part].ravel() for part in parts)
+        observation = jnp.asarray(self.observation())
+        return FlangeJacobian(
+            panels=((state_1, events), (by_state, turned), (events_by_state, events_turned)),
+            state_by_pressure=by_pressure,
+            events_by_pressure=events_by_pressure,
+            observed=observation @ streams,
+            observed_by_state=observation @ streams_by_state,
+            observed_by_angle=observation @ streams_turned,
+            observed_by_pressure=observation @ streams_by_pressure,
+            basis=self._basis(angle),
+        )
 
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
         """A guess of states and branches."""

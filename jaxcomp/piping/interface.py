@@ -9,4 +9,5 @@ from ._network import response as response
 from ._network import steady_response as steady_response
 from ._network import transfers as transfers
 from .pipe import friction_factor as friction_factor
+from .pipe import turbulent_share as turbulent_share
 from .pipe import wall_function as wall_function

@@ -171,6 +171,10 @@ def friction_factor(
     laminar = 64 / reynolds
     rough = (relative_roughness / 3.7) ** 1.11
     turbulent = (-1.8 * jnp.log10(rough + 6.9 / jnp.maximum(reynolds, 2e3))) ** -2
+    return laminar + turbulent_share(reynolds) * (turbulent - laminar)
+
+
+def turbulent_share(reynolds: Float[Array, " p"]) -> Float[Array, " p"]:
+    """Share [-] of turbulent friction: none below Re 2000, all above 4000."""
     share = jnp.clip((reynolds - 2e3) / 2e3, 0.0, 1.0)
-    share = share**2 * (3 - 2 * share)
-    return laminar + share * (turbulent - laminar)
+    return share**2 * (3 - 2 * share)

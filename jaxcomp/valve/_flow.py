@@ -60,7 +60,7 @@ def quasi_steady_flow(a: Side, b: Side) -> Float[Array, ""]:
     high = choose(forward, a, b)
     low = choose(forward, b, a)
     r = high.pressure_ratio(low)
-    root = 2 * _enthalpy_drop(high.kappa, r) * r ** (2 / high.kappa)
+    root = 2 * enthalpy_drop(high.kappa, r) * r ** (2 / high.kappa)
     # In the place of sqrt(root), whose slope is infinite where the pressures are equal.
     size = jnp.sqrt(high.p * high.rho) * root / jnp.sqrt(root + SOFTENING)
     return jnp.where(forward, size, -size)
@@ -82,7 +82,7 @@ def port_acceleration(a: Side, b: Side, velocity, pressure_sign, velocity_sign):
     low = choose(forward, b, a)
     # Beyond the reversal the ratio passes one, and the drop goes on smoothly below zero.
     r = high.pressure_ratio(low)
-    drop = high.p / high.rho * _enthalpy_drop(high.kappa, r)
+    drop = high.p / high.rho * enthalpy_drop(high.kappa, r)
     return pressure_sign * drop - 0.5 * velocity_sign * velocity**2
 
 
@@ -116,7 +116,7 @@ def critical_ratio(kappa):
     return jnp.exp(-0.5 * kappa * slope)
 
 
-def _enthalpy_drop(kappa, r):
+def enthalpy_drop(kappa, r) -> Float[Array, ""]:
     """Isentropic enthalpy drop over p_1/rho_1, finite for kappa = 1."""
     log = jnp.log(r)
     z = (kappa - 1) / kappa * log

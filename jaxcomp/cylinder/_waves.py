@@ -1,0 +1,357 @@
+r"""Waves in the pipes behind the flanges: harmonics of pressure and flow, and what a network makes of them.
+
+The pressure at a flange is that of its line and a series in time, $\tau = \Omega t$,
+
+$$p(\tau) = p_{line}\left(1 + c_0 + \sum_n a_n\cos n\tau + b_n\sin n\tau\right),$$
+
+its gas isentropic about the line. The series are unknowns; a network gives them back from the flow through
+the valves.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.polynomials import gauss
+from ..fluid import GasState
+from ..piping import PipeGas, Piping, network_of, pipe_gas
+from ..piping.interface import (
+    Drag,
+    Network,
+    friction_factor,
+    harmonic_responses,
+    steady_response,
+    turbulent_share,
+)
+from ..valve.interface import Side, enthalpy_drop
+from ._cylinder import Case, Cylinder
+
+# Points on every panel at which flows are multiplied with harmonics: exact to rounding while
+# n width/2 < 20, where Gauss's rule with the nodes of the collocation alone ends at 3.
+_FINE = 24
+WIDEST = 20.0
+# [-] of the line's pressure, below which an iterate is not followed.
+_LEAST = 0.05
+# Instants of a revolution for every harmonic at which square laws are looked at.
+_INSTANTS = 6
+_TINY = 1e-9
+
+
+class SideWaves(NamedTuple):
+    """Unknowns of a network.
+
+    Attributes:
+        pressure: [-] (f, 2 N + 1) of each flange over that of the line, less one.
+        drops: [-] (o, 2 N + 1) of each orifice with a square law, beyond its linear part, over the same.
+        temperature: [-] (1,) of the gas over that in the line, where it follows from the flow; else (0,).
+        friction: [-] (2, p) mean flow and mean square of the flow in pipes with turbulent friction, over
+            a usual flow.
+    """
+
+    pressure: Float[Array, "f h"]
+    drops: Float[Array, "o h"]
+    temperature: Float[Array, " t"]
+    friction: Float[Array, "2 p"]
+
+
+# of the suction and of the discharge line
+Waves = tuple[SideWaves | None, SideWaves | None]
+
+
+def pipings(cylinder: Cylinder) -> tuple[Piping | None, Piping | None]:
+    """Networks of suction and discharge line."""
+    return cylinder.suction.piping, cylinder.discharge.piping
+
+
+def is_piped(cylinder: Cylinder) -> bool:
+    """Whether any line is a network of pipes."""
+    return any(piping is not None for piping in pipings(cylinder))
+
+
+def sides_of(cylinder: Cylinder) -> tuple[int, ...]:
+    """Numbers of the lines that are networks: 0 suction, 1 discharge."""
+    return tuple(side for side, piping in enumerate(pipings(cylinder)) if piping is not None)
+
+
+def orders_of(cylinder: Cylinder) -> int:
+    """Harmonics of all networks: the most that any has."""
+    return max(piping.orders for piping in pipings(cylinder) if piping is not None)
+
+
+def flange_numbers(piping: Piping, count: int) -> np.ndarray:
+    """Flange of each of `count` cylinders."""
+    return np.arange(count) if len(piping.flanges) > 1 else np.zeros(count, int)
+
+
+def has_own_temperature(cylinder: Cylinder, side: int) -> bool:
+    """Whether the temperature of the gas in a network is an unknown: that of the gas delivered."""
+    piping = pipings(cylinder)[side]
+    return side == 1 and piping is not None and piping.follows_delivery
+
+
+def still(cylinder: Cylinder) -> Waves:
+    """Waves before the first round: none."""
+    orders = orders_of(cylinder)
+    made = []
+    for side, piping in enumerate(pipings(cylinder)):
+        if piping is None:
+            made.append(None)
+            continue
+        squares = sum(not orifice.is_linear for orifice in piping.orifices)
+        rough = sum(len(p.nodes) - 1 for p in piping.pipes if p.attenuation is None)
+        waves = SideWaves(
+            pressure=jnp.zeros((len(piping.flanges), 2 * orders + 1)),
+            drops=jnp.zeros((squares, 2 * orders + 1)),
+            temperature=jnp.ones(int(has_own_temperature(cylinder, side))),
+            friction=jnp.ones((2, rough)),
+        )
+        made.append(waves)
+    return made[0], made[1]
+
+
+def harmonics(tau: Float[Array, "*n"], orders: int) -> Float[Array, "*n h"]:
+    """1, then cosines, then sines of multiples of an angle, by products of powers."""
+    first = jnp.exp(1j * tau)[..., None]
+    powers = first
+    while powers.shape[-1] < orders:
+        powers = jnp.concatenate([powers, powers * powers[..., -1:]], axis=-1)
+    powers = powers[..., :orders]
+    return jnp.concatenate([jnp.ones_like(first.real), powers.real, powers.imag], axis=-1)
+
+
+def machine_time(case: Case, phase, own_angle):
+    """tau [rad] at an own angle of the first cylinder, and its rate over the angle."""
+    tau = own_angle - phase
+    rate = 1 + 0 * own_angle
+    if case.pace is not None:
+        tau = tau + case.pace.lag(own_angle)
+        rate = rate + case.pace.at(own_angle)
+    return tau, rate
+
+
+def side_at(line: Side, ratio: Float[Array, ""]) -> Side:
+    """The gas at a flange whose pressure is `ratio` of that in the line, isentropic about it."""
+    ratio = jnp.maximum(ratio, _LEAST)
+    rise = -line.p / line.rho * enthalpy_drop(line.kappa, ratio)
+    density = line.rho * ratio ** (1 / line.kappa)
+    return line._replace(p=line.p * ratio, rho=density, h=line.h + rise)
+
+
+class Quadrature(NamedTuple):
+    """Weights of the flows at the nodes of p panels in their harmonics.
+
+    Attributes:
+        nodes: (p, s, h) of the values there.
+        to_left, to_right: (p, s, h) change of these weights with the panel's edges.
+    """
+
+    nodes: Float[Array, "p s h"]
+    to_left: Float[Array, "p s h"]
+    to_right: Float[Array, "p s h"]
+
+
+def quadrature(case: Case, phase, edges: Float[Array, " e"], nodes: int, orders: int) -> Quadrature:
+    """Weights of the harmonics in time of what polynomials on panels run through.
+
+    The first row gives the mean over a revolution, the others the amplitudes of cosine and sine.
+    """
+    rule = gauss(_FINE)
+    through = jnp.asarray(gauss(nodes).through(rule.nodes))
+    width = jnp.diff(edges)
+    angle = edges[:-1, None] + width[:, None] * rule.nodes
+    scale = np.full(2 * orders + 1, 1 / np.pi)
+    scale[0] = 1 / (2 * np.pi)
+
+    def density(angle):
+        tau, rate = machine_time(case, phase, phase + angle)
+        return harmonics(tau, orders) * (rate[..., None] * scale)
+
+    def at(angle):
+        return jax.vmap(density)(angle.ravel()).reshape(*angle.shape, -1)
+
+    values, slopes = jax.jvp(at, (angle,), (jnp.ones_like(angle),))
+    values = values * rule.weights[:, None]
+    slopes = slopes * rule.weights[:, None] * width[:, None, None]
+    left = -values + slopes * (1 - rule.nodes)[:, None]
+    right = values + slopes * rule.nodes[:, None]
+
+    def on_nodes(fine):
+        return jnp.einsum("mj,pmh->pjh", through, fine)
+
+    return Quadrature(on_nodes(values * width[:, None, None]), on_nodes(left), on_nodes(right))
+
+
+@cache
+def _instants(orders: int) -> tuple[np.ndarray, np.ndarray]:
+    """Series to values at instants of a revolution, and back."""
+    count = _INSTANTS * orders
+    tau = 2 * np.pi * np.arange(count) / count
+    multiples = np.arange(1, orders + 1) * tau[:, None]
+    values = np.concatenate([np.ones((count, 1)), np.cos(multiples), np.sin(multiples)], axis=1)
+    back = 2 * values.T / count
+    back[0] /= 2
+    return values, back
+
+
+def complex_of(series: Float[Array, "*f h"], orders: int):
+    """Mean and complex amplitudes (..., N) of series, for e^{i n tau}."""
+    parts = series[..., 1:]
+    return series[..., 0], parts[..., :orders] - 1j * parts[..., orders:]
+
+
+def series_of(mean, amplitudes) -> Float[Array, "*f h"]:
+    """The series of a mean and of complex amplitudes."""
+    return jnp.concatenate([mean[..., None], amplitudes.real, -amplitudes.imag], axis=-1)
+
+
+class Observed(NamedTuple):
+    """Harmonics of what passes a network's flanges.
+
+    Attributes:
+        flow: [kg/s] (f, 2 N + 1) through each flange, forward.
+        heat: [W] (2 N + 1,) of enthalpy with it.
+    """
+
+    flow: Float[Array, "f h"]
+    heat: Float[Array, " h"]
+
+
+class Line(eqx.Module):
+    """A network with its gas, as the equations of its waves.
+
+    Attributes:
+        cylinder: gas side of all cylinders.
+        side: 0 suction, 1 discharge.
+        state: the gas in the line.
+        comes: the gas as it comes, or in the line.
+        speed: [rad/s]
+        usual_flow: [kg/s] of a full cylinder a revolution.
+        orders: harmonics of all networks.
+    """
+
+    cylinder: Cylinder
+    side: int = eqx.field(static=True)
+    state: GasState
+    comes: GasState
+    speed: Float[Array, ""]
+    usual_flow: Float[Array, ""]
+    orders: int = eqx.field(static=True)
+
+    @property
+    def piping(self) -> Piping:
+        """Its elements."""
+        piping = pipings(self.cylinder)[self.side]
+        assert piping is not None
+        return piping
+
+    def gas(self, temperature: Float[Array, " t"]) -> PipeGas:
+        """The gas in its pipes."""
+        fluid = self.cylinder.fluid
+        state = self.comes
+        if self.piping.temperature is not None or temperature.size:
+            T = self.piping.temperature if not temperature.size else temperature[0] * self.state.T
+            state = fluid.state(T, fluid.density(T, self.state.p))
+        return pipe_gas(fluid, state)
+
+    def network(self, gas: PipeGas) -> Network:
+        """Its pipes as arrays."""
+        return network_of(self.piping, gas, self.usual_flow)
+
+    def drag(self, network: Network, gas: PipeGas, friction: Float[Array, "2 p"]) -> Drag:
+        """Turbulent friction at mean flows and mean squares of flows."""
+        rough = np.array(network.rough, int)
+        mean = jnp.zeros(network.length.shape)
+        slope = jnp.zeros(network.length.shape)
+        if not rough.size:
+            return Drag(mean, slope)
+        flow = friction[0] * self.usual_flow
+        size = jnp.sqrt(flow**2 + (_TINY * self.usual_flow) ** 2)
+        square = friction[1] * self.usual_flow**2
+        diameter = network.diameter[rough]
+        area = network.area[rough]
+        reynolds = 4 * size / (np.pi * diameter * gas.viscosity)
+        factor = friction_factor(reynolds, network.roughness[rough] / diameter)
+        law = factor / (gas.density * area**2 * diameter)
+        # laminar friction is that of the walls, which the waves have already
+        turbulent = turbulent_share(reynolds) * law * size
+        drop = law / 2 * jnp.maximum(square, size**2) / size * network.length[rough]
+        return Drag(mean.at[rough].set(drop), slope.at[rough].set(turbulent))
+
+    def answer(self, waves: SideWaves, observed: Observed) -> SideWaves:
+        """Waves that the network makes of its flows, with its gas, friction and orifices as they are."""
+        responses = self.responses(waves)
+        return self.answer_of(responses, waves, observed)
+
+    def responses(self, waves: SideWaves):
+        """Network, gas and its responses, of the mean and of the harmonics."""
+        gas = self.gas(waves.temperature)
+        network = self.network(gas)
+        drag = self.drag(network, gas, waves.friction)
+        steady = steady_response(network, gas, drag)
+        return network, gas, steady, harmonic_responses(network, gas, self.speed, self.orders, drag)
+
+    def ports(self, waves: SideWaves, observed: Observed):
+        """Mean and harmonics of what is put in at the ports, (c,) and (N, c)."""
+        sign = 1.0 if self.side else -1.0
+        mean, amplitudes = complex_of(sign * observed.flow, self.orders)
+        mean_drop, drops = complex_of(waves.drops * self.state.p, self.orders)
+        return jnp.concatenate([mean, mean_drop]), jnp.concatenate([amplitudes, drops]).T
+
+    def answer_of(self, responses, waves: SideWaves, observed: Observed) -> SideWaves:
+        """The same for responses that are known."""
+        network, _, steady, dynamic = responses
+        mean, amplitudes = self.ports(waves, observed)
+        flanges = np.array(network.flanges)
+
+        def through(name, rows):
+            of_mean = getattr(steady, name)[rows] @ mean
+            of_waves = jnp.einsum("nrc,nc->rn", getattr(dynamic, name)[:, rows], amplitudes)
+            return series_of(of_mean, of_waves)
+
+        pressure = through("pressure", flanges) / self.state.p
+        drops = waves.drops
+        if network.nonlinear:
+            holes = np.array(network.nonlinear)
+            values, back = map(jnp.asarray, _instants(self.orders))
+            flow = values @ through("orifice_flow", holes).T
+            beyond = network.square[holes] * flow * jnp.abs(flow)
+            drops = (back @ (beyond - network.resistance[holes] * flow)).T / self.state.p
+        friction = waves.friction
+        if network.rough:
+            rough = np.array(network.rough)
+            series = through("pipe_flow", rough)
+            values, _ = map(jnp.asarray, _instants(self.orders))
+            flow = (values @ series.T) / self.usual_flow
+            square = jnp.abs(jnp.mean(flow * jnp.abs(flow), axis=0))
+            friction = jnp.stack([series[:, 0] / self.usual_flow, square])
+        temperature = waves.temperature
+        if temperature.size:
+            delivered = jnp.sum(observed.flow[:, 0])
+            flows = delivered > _TINY * self.usual_flow
+            carried = observed.heat[0] / jnp.where(flows, delivered, 1.0)
+            enthalpy = jnp.where(flows, carried, self.state.h)
+            T = self.cylinder.fluid.at_enthalpy(self.state.p, enthalpy, self.state).T
+            temperature = (T / self.state.T)[None]
+        return SideWaves(pressure, drops, temperature, friction)
+
+
+def lines_of(shared: Case) -> tuple[Line | None, Line | None]:
+    """The networks of a machine.
+
+    Args:
+        shared: a cylinder as large as all together.
+    """
+    cylinder = shared.cylinder
+    usual = shared.mass_scale * shared.speed / (2 * jnp.pi)
+    made = []
+    for side, piping in enumerate(pipings(cylinder)):
+        state = (shared.suction, shared.discharge)[side]
+        comes = (shared.comes, shared.discharge)[side]
+        line = Line(cylinder, side, state, comes, shared.speed, usual, orders_of(cylinder))
+        made.append(None if piping is None else line)
+    return made[0], made[1]
