@@ -29,6 +29,8 @@ _WORDS = {
     "refrigerant": "a real gas",
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
+    "piping": "pipes ([gas.suction.piping] or [gas.discharge.piping])",
+    "piping.runs": "straight runs of pipe ([[gas.suction.piping.runs]])",
     "simple_cycle": "a gas of type polytropic, double_acting or staged",
     "gas.inlet_temperature": "a simple cycle with an inlet_temperature",
     "gas.stages": "a gas of type staged",
@@ -93,6 +95,8 @@ class Quantity(NamedTuple):
             "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
             "journals": _has_journals(compressor),
             "gas.walls": getattr(gas, "walls", None) is not None,
+            "piping": bool(_pipings(gas)),
+            "piping.runs": any(piping.runs for piping in _pipings(gas)),
             "simple_cycle": getattr(gas, "kind", "") in _KINDS_OF_SIMPLE,
             "gas.inlet_temperature": _inlet(gas) is not None,
             "gas.stages": hasattr(gas, "stages"),
@@ -107,6 +111,13 @@ class Quantity(NamedTuple):
 def _inlet(gas: Any) -> Any:
     """The inlet temperature of a simple cycle, of the head end of a double-acting one."""
     return getattr(getattr(gas, "head_end", gas), "inlet_temperature", None)
+
+
+def _pipings(gas: Any) -> list[Any]:
+    """Networks of pipes of a gas with valves."""
+    lines = [getattr(gas, name, None) for name in ("suction", "discharge")]
+    networks = [getattr(line, "piping", None) for line in lines]
+    return [piping for piping in networks if piping is not None]
 
 
 def _between_stages(machine: Any) -> list[str]:
@@ -254,6 +265,18 @@ _BUILT_IN = (
     Quantity("heat_to.<place>", "W", "",
              "Heat that the electric (or shaft) power becomes; the values add up to it.",
              lambda r: r.performance.heat, (*_CYCLE, "compressor")),
+    Quantity("pulsation.<place>", "Pa", "less",
+             "Peak to peak, mean and orders of the pressure at a node of pipes, beyond its line.",
+             lambda r: r.orbit.cycle.pulsation.pressures, (*_CYCLE, "piping")),
+    Quantity("pulsation_margin", "", "more",
+             "Least of the limits of API 618 over the pulsation that it limits.",
+             lambda r: r.orbit.cycle.pulsation.margin, (*_CYCLE, "piping")),
+    Quantity("pressure_drop.<flange>", "Pa", "less",
+             "Mean loss of pressure in the pipes between a flange and its line.",
+             lambda r: r.orbit.cycle.pulsation.mean_drops, (*_CYCLE, "piping")),
+    Quantity("shaking.<run>", "N", "less",
+             "Amplitude of the force along a straight run of pipe, by order.",
+             lambda r: r.orbit.cycle.pulsation.shaking_forces, (*_CYCLE, "piping.runs")),
     Quantity("volume_use.<cause>", "", "less",
              "What the swept volume is used for, delivered or lost; the values add up to 1.",
              lambda r: {k.replace(" ", "_"): v for k, v in r.orbit.cycle.volume_losses.items()},

@@ -118,7 +118,7 @@ def _power(result: dict[str, Any]):
     rows = [
         (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
         for name in jc.crank.interface.POWER
-        if abs(power[name]) > 1e-12 * abs(whole)  # else rounding
+        if name in power and abs(power[name]) > 1e-12 * abs(whole)  # else rounding
     ]
     rows += [(), ("Total", f"{whole:.5g}", "100.00 %"), ()]
     rows += [(words(name), "", f"{100 * share:.2f} %") for name, share in volume.items()]

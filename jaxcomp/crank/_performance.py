@@ -20,6 +20,8 @@ POWER = (
     "suction_heating",
     "suction_valve",
     "discharge_valve",
+    "suction_piping",
+    "discharge_piping",
     "leakage",
     "heating",
     "friction",
@@ -129,17 +131,20 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     electric = electric_power(compressor, orbit)
     efficiency = shaft / (electric + (electric == 0))
     valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
-    known = [isentropic, before, *valves, work["leakage"] * cycle.frequency]
+    sides = ("suction", "discharge")
+    pipes = [work[f"{side} piping"] * cycle.frequency for side in sides if f"{side} piping" in work]
+    known = [isentropic, before, *valves, *pipes, work["leakage"] * cycle.frequency]
     # the orbit's quadrature of the gas work, so that the sum is exact
     rest = orbit.gas_power - sum(known, start=jnp.zeros(()))
     # and what the energy of the orbit leaves open counts as friction
     shares = (*known, rest, shaft - orbit.gas_power, electric - shaft)
+    names = [name for name in POWER if pipes or not name.endswith("_piping")]
     overall = isentropic / (electric + (electric == 0))
     return Performance(
         electric_power=electric,
         motor_efficiency=efficiency,
         overall_efficiency=overall,
-        power=dict(zip(POWER, shares, strict=True)),
+        power=dict(zip(names, shares, strict=True)),
         heat=_heat(compressor, cycle, electric - orbit.gas_power),
         orbit=orbit,
     )

@@ -20,6 +20,7 @@ from ..cylinder import Cylinder
 from ..cylinder.interface import (
     climb,
     evidence,
+    is_piped,
     of_each,
     raise_where_unsolved,
 )
@@ -135,7 +136,8 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
     def solve(cycle_options, _):
         return _solve(values, dataclasses.replace(solver, cycle=cycle_options))
 
-    orbit, cycle_options = climb(solve, solver.cycle, None, True)
+    may_march = not is_piped(compressor.gas)
+    orbit, cycle_options = climb(solve, solver.cycle, None, True, may_march)
     solver = dataclasses.replace(solver, cycle=cycle_options)
     if throw:
         _raise_if_failed(orbit, solver)

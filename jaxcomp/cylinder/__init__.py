@@ -7,6 +7,7 @@ from ._lines import DischargeLine as DischargeLine
 from ._lines import SuctionLine as SuctionLine
 from ._options import CycleOptions as CycleOptions
 from ._plenum import Plenum as Plenum
+from ._pulsation import Pulsation as Pulsation
 from ._solve import solve_cycle as solve_cycle
 from .crank_end import CrankEnd as CrankEnd
 from .heat._base import AbstractHeat as AbstractHeat

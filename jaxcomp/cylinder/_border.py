@@ -89,7 +89,8 @@ def observed_harmonics(system: Cylinders, observed, weights: Quadrature) -> tupl
     return system.of_sides(jnp.einsum("pjo,pjh->oh", observed, weights.nodes))
 
 
-def _weights(system: Cylinders, z: Unknowns) -> Quadrature:
+def harmonic_weights(system: Cylinders, z: Unknowns) -> Quadrature:
+    """Weights of flows at the nodes of panels in their harmonics."""
     nodes = z.points.shape[1] - 1
     return quadrature(system.first, system.phase[0], z.edges, nodes, system.orders)
 
@@ -117,7 +118,7 @@ def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> tuple[
 
     slopes, events, observed = at_points(law, mesh, z)
     panels = residual(system, mesh, z, slopes, events)
-    flows = observed_harmonics(system, observed[:, :-1], _weights(system, z))
+    flows = observed_harmonics(system, observed[:, :-1], harmonic_weights(system, z))
     answer = answers(lines_of(system.shared), waves, flows)
     return Both(panels, jax.tree.map(jnp.subtract, waves, answer)), events
 
@@ -127,7 +128,7 @@ def linearise(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> Borde
     system = system.with_waves(waves)
     parts = at_points(system.jacobian_at_flanges, mesh, z)
     _, blocks, _ = assemble(system, mesh, z, *parts.panels)
-    weights = _weights(system, z)
+    weights = harmonic_weights(system, z)
     which = jnp.maximum(mesh.event, 0)[:, None, None]
     event = jnp.take_along_axis(parts.events_by_pressure[:, -1], which, axis=1)[:, 0]
     slopes = Slopes(
@@ -411,8 +412,12 @@ class AttachedWaves(AbstractRoot):
         return self.found
 
     def rest(self, unknowns):
-        return evaluate(self.system, self.mesh, *unknowns)[0]
+        left = evaluate(self.system, self.mesh, *unknowns)[0]
+        # a line without pipes is no leaf, as an equation that nothing moves would be
+        return left.panels, _packed(left.waves)[0]
 
     def removed(self, unknowns, rest):
         linear = linearise(self.system, self.mesh, *unknowns)
-        return solve_bordered(linear, jax.tree.map(jnp.negative, rest))
+        panels, waves = jax.tree.map(jnp.negative, rest)
+        _, unpacked = _packed(unknowns.waves)
+        return solve_bordered(linear, Both(panels, unpacked(waves)))

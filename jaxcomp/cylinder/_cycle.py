@@ -13,6 +13,7 @@ from .._core.status import Status
 from ._balance import STATES, Accounts, valve_scales
 from ._cylinder import Case
 from ._panels import SolvedPressure, over_panels, resolution, turning_margins
+from ._pulsation import Pulsation
 from ._stability import largest_multiplier
 
 VALVES = ("suction", "discharge")
@@ -98,6 +99,10 @@ class Cycle(Result, eqx.Module):
         event_count: of all valves that were solved together, in the last revolution that was marched.
         repeats: whether the march repeated within its tolerance before Newton's method; where it did not,
             the cycle may be unstable, see `multiplier`.
+        flange_pressure: [Pa] (p, s + 1, 2) at the flanges, at the points of all panels; `None` without
+            pipes.
+        piping_work: [J] (2,) that the pipes of suction and discharge cost.
+        pulsation: in the pipes of a single cylinder; of several it is that of all together.
     """
 
     angle: Float[Array, " n"]
@@ -124,6 +129,9 @@ class Cycle(Result, eqx.Module):
     plenum_pressure: Float[Array, "p n"] | None = None
     event_count: Int[Array, ""] | None = None
     repeats: Bool[Array, ""] | None = None
+    flange_pressure: Float[Array, "p m 2"] | None = None
+    piping_work: Float[Array, "2"] | None = None
+    pulsation: Pulsation | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 
@@ -235,6 +243,9 @@ class Cycle(Result, eqx.Module):
             "discharge valve": self.totals.discharge_loss,
             "leakage": self.leakage_work,
         }
+        if self.piping_work is not None:
+            named["suction piping"] = self.piping_work[0]
+            named["discharge piping"] = self.piping_work[1]
         rest = self.indicated_work - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}
 
@@ -258,6 +269,11 @@ class Cycle(Result, eqx.Module):
             "back flow": (t.suction_back + t.discharge_back) / case.mass_scale,
             "suction valve": (1 + c) * (1 - full / case.suction.p),
         }
+        if self.flange_pressure is not None:
+            _, z, _ = self.raw
+            flange = over_panels(z.edges, self.flange_pressure[..., 0], bottom)
+            named["suction valve"] = (1 + c) * (flange - full) / case.suction.p
+            named["piping"] = (1 + c) * (1 - flange / case.suction.p)
         rest = 1 - sum(named.values(), start=jnp.zeros(()))
         return {**named, "heating": rest}
 

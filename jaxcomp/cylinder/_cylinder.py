@@ -60,7 +60,8 @@ class Cylinder(AbstractGas):
     Raises:
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
             evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
-            a double-acting cylinder.
+            a double-acting cylinder; piping beside plenums of the same line, with quasi-steady ports or
+            with a crank end.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -99,6 +100,7 @@ class Cylinder(AbstractGas):
                     raise ValueError(f"`walls.{name}_conductance` needs `{name}.plenums`.")
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
+        self._check_piping()
         known = known_values(self).by_dew_points()
         for limit in (*_limits(known), *_dry_limits(known)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
@@ -136,6 +138,28 @@ class Cylinder(AbstractGas):
             return self
         suction, discharge = by_dew_points(self.fluid, self.suction, self.discharge)
         return rebuilt(self, suction=suction, discharge=discharge, reference="dew")
+
+    def _check_piping(self) -> None:
+        """Refuse what lines with pipes do not go with."""
+        for name, line in (("suction", self.suction), ("discharge", self.discharge)):
+            if line.piping is None:
+                continue
+            if self.crank_end is not None:
+                bound = "absent with a crank_end: pipes are solved for single-acting cylinders"
+                raise BadInput(f"{name}.piping", "given", bound)
+            if line.plenums:
+                bound = "absent beside `piping`: a vessel at the flange is one of `piping.volumes`"
+                raise BadInput(f"{name}.plenums", f"{len(line.plenums)} plenums", bound)
+            for which, valve in (
+                ("suction", self.suction_valve),
+                ("discharge", self.discharge_valve),
+            ):
+                if valve.port_length is None:
+                    bound = (
+                        "given where lines have `piping`: quasi-steady ports can only be marched, and "
+                        "pipes are solved by collocation"
+                    )
+                    raise BadInput(f"{which}_valve.port_length", "none", bound)
 
     def conditions(self):
         limits = _limits(self.by_dew_points())

@@ -11,13 +11,14 @@ from jaxtyping import Array, Bool, Float, Int
 from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import Status
-from ._balance import EVENTS, FLAGS, FREE, Accounts, temperature_and_density, valve_scales
-from ._border import AttachedWaves, Both
+from ._balance import EVENTS, FLAGS, FREE, SEAT, Accounts, temperature_and_density, valve_scales
+from ._border import AttachedWaves, Both, harmonic_weights, observed_harmonics
 from ._collocation import Attached
 from ._cycle import Cycle, Events
 from ._cylinder import Case
 from ._panels import Mesh, Unknowns, at_points, highest, point_angles
 from ._plenum import PER_PLENUM, chains
+from ._pulsation import Pulsation
 from ._revolutions import START, TURN
 from ._several import SeveralCycles
 from ._system import Cylinders
@@ -44,16 +45,18 @@ class CycleSolution(NamedTuple):
 
 def cycle_of(system: Cylinders, found, marching: bool) -> Cycle:
     found, points = _followed(system, found, marching)
+    pulsation = _pulsation(system, found)
     found = found._replace(totals=found.totals[0])
     points = jax.tree.map(lambda values: values[:, :, 0], points)
-    return _judged(system.shared, found, points, marching)
+    cycle = _judged(system.shared, found, points, marching)
+    return cycle if pulsation is None else _with_pulsation(cycle, pulsation)
 
 
 def cycles_of(system: Cylinders, found, marching: bool) -> SeveralCycles:
     """The cycle of every cylinder, by its own crank angle."""
     together, points = _followed(system, found, marching)
 
-    def one(case, phase, number, totals, points, left, accounts, pressure):
+    def one(case, phase, number, totals, points, left, accounts, pressure, *flanges):
         mesh = together.mesh
         z = together.z
         event = mesh.event - EVENTS * number
@@ -62,13 +65,31 @@ def cycles_of(system: Cylinders, found, marching: bool) -> SeveralCycles:
         mesh = Mesh(flags, jnp.where(here, event, -1), jnp.where(here, mesh.code, 0), mesh.fits)
         z = Unknowns(points, left, z.edges + phase)
         own = together._replace(mesh=mesh, z=z, totals=totals)
-        return _from_start(_judged(case, own, (accounts, pressure), marching))
+        return _from_start(_judged(case, own, (accounts, pressure, *flanges), marching))
 
     own = (system.of_cylinder(values) for values in together.z[:2])
     over = (jnp.moveaxis(values, 2, 0) for values in points)
     numbered = jnp.arange(system.count), together.totals
     each = jax.vmap(one)(system.cases, system.phase, *numbered, *own, *over)
-    return SeveralCycles(each, together)
+    return SeveralCycles(each, together, pulsation=_pulsation(system, together))
+
+
+def _pulsation(system: Cylinders, found: CycleSolution) -> Pulsation | None:
+    """Pulsation of a solution behind pipes, with all derivatives."""
+    if found.waves is None:
+        return None
+    system = system.with_waves(found.waves)
+
+    def law(angle, state, flags):
+        return system.observe(system.rates(angle, state, flags).streams)
+
+    observed = at_points(law, found.mesh, found.z)[:, :-1]
+    flows = observed_harmonics(system, observed, harmonic_weights(system, found.z))
+    return Pulsation(found.waves, flows, system.shared)
+
+
+def _with_pulsation(cycle: Cycle, pulsation: Pulsation) -> Cycle:
+    return eqx.tree_at(lambda c: c.pulsation, cycle, pulsation, is_leaf=lambda leaf: leaf is None)
 
 
 def _from_start(cycle: Cycle) -> Cycle:
@@ -80,6 +101,7 @@ def _from_start(cycle: Cycle) -> Cycle:
 
     def parts(cycle):
         more = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
+        # of the flanges the panels keep their own order, as those of the pressure do
         return *(getattr(cycle, name) for name in names), *more
 
     values = (one[..., order] for one in parts(cycle))
@@ -103,7 +125,9 @@ def _followed(system: Cylinders, found: CycleSolution, marching: bool):
 
     def law(angle, state, flags):
         at = system.rates(angle, state, flags)
-        return at.accounts, at.pressure
+        if system.waves is None:
+            return at.accounts, at.pressure
+        return at.accounts, at.pressure, system.line_pressures(angle)
 
     return found._replace(z=z), at_points(law, found.mesh, z)
 
@@ -126,7 +150,8 @@ def _judged(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
 
 def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
-    (mesh, z), (accounts, pressure) = found[:2], points
+    mesh, z = found[:2]
+    accounts, pressure, *flanges = points
     nodes = z.points.shape[1] - 1
     angle, width = point_angles(z.edges, nodes)
     weight = width[:, None] * gauss(nodes).weights
@@ -180,7 +205,26 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
         plenum_pressure=_plenum_pressures(case, z.points),
         event_count=found.events,
         repeats=found.repeats,
+        flange_pressure=flanges[0] if flanges else None,
+        piping_work=_piping_work(case, mesh, weight, angle, flanges[0]) if flanges else None,
     )
+
+
+def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p s+1 2"]):
+    """[J] Work that the pipes of suction and discharge cost, by what their flange is off its line."""
+
+    def rate(angle):
+        return case.volume(angle)[1]
+
+    volume_1 = jax.vmap(jax.vmap(rate))(angle[:, :-1])
+    works = []
+    for which, line in enumerate(case.lines):
+        is_open = 1.0 * (mesh.flags[:, 3 * which] > SEAT)
+        if case.cylinder.valves[which].oscillator is None:
+            is_open = jnp.ones_like(is_open)
+        missing = line.p - flanges[:, :-1, which]
+        works.append(jnp.sum(weight * is_open[:, None] * missing * volume_1))
+    return jnp.stack(works)
 
 
 def account_scales(case: Case) -> Float[Array, " 12"]:

@@ -14,6 +14,7 @@ from .._core.status import Status
 from ..gas import AbstractGas
 from ._cycle import Cycle, nonzero, whole_cycle
 from ._cylinder import Case
+from ._pulsation import Pulsation
 from ._solved_ends import ends_under
 
 
@@ -57,14 +58,17 @@ class SeveralCycles(Result, eqx.Module):
 
     Attributes:
         each: the cycles; every entry with a leading axis of k.
-        together: what was solved of cylinders that share plenums, and where a similar machine may start.
+        together: what was solved of cylinders that share plenums or pipes, and where a similar machine
+            may start.
         sides: ends of every cylinder: 2 of double-acting ones, whose cycles are those of head end and
             crank end in turn, each by its own crank angle.
+        pulsation: in these pipes; `None` without any.
     """
 
     each: Cycle
     together: Any = None
     sides: int = eqx.field(static=True, default=1)
+    pulsation: Pulsation | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ()
 

@@ -11,6 +11,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._core.each import stacked
+from .._core.errors import BadInput
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import frozen
@@ -30,7 +31,7 @@ from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
 from ._several import SeveralCycles
 from ._system import Cylinders
-from ._waves import is_piped, still
+from ._waves import is_piped, pipings, still
 from .wall_network import OF_WALL
 
 
@@ -67,8 +68,11 @@ def solve_cycle(
 
     Raises:
         SolveFailed: if `throw` and the status is not `Status.converged`.
+        BadInput: flanges of pipes that are not one of all cylinders or one of each, or a march of a
+            cycle behind pipes.
     """
     options = options or CycleOptions()
+    check_piping(cylinder, 1, options)
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
     machine = jax.tree.map(strongly_typed, (cylinder, mechanism, speed))
     values = frozen(machine)
@@ -83,7 +87,8 @@ def solve_cycle(
 
     # a pace is known on panels of its own, which are edges for the cycle
     may_climb = pace is None
-    cycle, options = climb(solve, options, start, may_climb)
+    may_march = not is_piped(cylinder)
+    cycle, options = climb(solve, options, start, may_climb, may_march)
     if throw and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, evidence(cycle, options))
     if not any(is_traced(leaf) for leaf in jax.tree.leaves(machine)):
@@ -93,7 +98,7 @@ def solve_cycle(
     return _followed(*machine, pace, cycle)
 
 
-def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
+def climb(solve: Callable, options: CycleOptions, start, may_climb: bool, may_march: bool = True):
     """Cycle of a machine in the size that has room for it, and the options of that size.
 
     Args:
@@ -102,6 +107,7 @@ def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
         options: with which to begin.
         start: of the first size.
         may_climb: whether larger sizes may be tried, and the march where none has room.
+        may_march: whether the march may stand; behind pipes it has no answer of theirs.
     """
     found = solve(options, start)
     if not may_climb:
@@ -118,12 +124,35 @@ def climb(solve: Callable, options: CycleOptions, start, may_climb: bool):
         options = larger
         found = solve(options, None)
     by_march = options.by_march()
-    if by_march is None or bool(is_solved(of_cycle(found))):
+    if by_march is None or not may_march or bool(is_solved(of_cycle(found))):
         return found, options
     marched = solve(by_march, None)
     if bool(is_solved(of_cycle(marched))):
         return marched, by_march
     return found, options
+
+
+def check_piping(cylinder: Cylinder, count: int, options: CycleOptions) -> None:
+    """Check that the pipes of a machine suit its cylinders and its solver.
+
+    Args:
+        cylinder: gas side.
+        count: of cylinders.
+        options: of the solver.
+
+    Raises:
+        BadInput: they do not.
+    """
+    for name, piping in zip(("suction", "discharge"), pipings(cylinder), strict=True):
+        if piping is None:
+            continue
+        if options.method == "march":
+            bound = "absent with method=march: pipes are solved by collocation"
+            raise BadInput(f"gas.{name}.piping", "given", bound)
+        flanges = len(piping.flanges)
+        if flanges not in (1, count):
+            bound = f'"flange" of all cylinders, or flange-1 to flange-{count}, one of each'
+            raise BadInput(f"gas.{name}.piping.pipes", ", ".join(piping.flanges), bound)
 
 
 def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
@@ -184,6 +213,7 @@ def solve_cycles(
         pace: as `pace_of` gives it; constant speed if absent.
         start: as `solution_of` or `no_solution` give it.
     """
+    check_piping(cylinder, len(mechanisms), options)
     if has_ends(cylinder):
         ends = ends_of(cylinder, mechanisms, phase)
         return _of_ends(partial(_solved_ends, options=options), ends, speed, pace, start)
@@ -476,6 +506,7 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
         events=cycle.event_count,
         repeats=cycle.repeats,
         alternates=jnp.asarray(False),
+        waves=None if cycle.pulsation is None else cycle.pulsation.waves,
     )
 
 

@@ -294,6 +294,16 @@ class Cylinders(eqx.Module):
             lines[side] = side_at(lines[side], 1 + pressures[place])
         return lines[0], lines[1]
 
+    def line_pressures(self, angle: Float[Array, ""]) -> Float[Array, "k 2"]:
+        """[Pa] At the flanges of every cylinder, before its suction and behind its discharge valve."""
+        pressures = self.flange_pressures(angle)
+
+        def one(case, pressures):
+            sides = self.sides(case, pressures)
+            return jnp.stack([side.p for side in sides])
+
+        return self.each(one, pressures)
+
     def observation(self) -> np.ndarray:
         """From the streams of all cylinders to the flows of all flanges, and heats where they count."""
         rows = []
@@ -345,7 +355,8 @@ class Cylinders(eqx.Module):
     def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
         """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""
         own, _ = self.parted(state)
-        m, k, lines = self.stride, self.count, len(self.piped_sides)
+        m = self.stride
+        k = self.count
         one_angle = jnp.ones_like(angle)
         pressures, pressures_1 = jax.jvp(self.flange_pressures, (angle,), (one_angle,))
 

@@ -1,11 +1,11 @@
-r"""Waves in the pipes behind the flanges: harmonics of pressure and flow, and what a network makes of them.
+r"""Waves in the pipes behind the flanges: harmonics of pressure and flow, and what networks answer.
 
 The pressure at a flange is that of its line and a series in time, $\tau = \Omega t$,
 
 $$p(\tau) = p_{line}\left(1 + c_0 + \sum_n a_n\cos n\tau + b_n\sin n\tau\right),$$
 
-its gas isentropic about the line. The series are unknowns; a network gives them back from the flow through
-the valves.
+its gas isentropic about the line. The series are unknowns; a network gives them back from the flow
+through the valves.
 """
 
 from functools import cache

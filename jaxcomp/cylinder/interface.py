@@ -41,3 +41,5 @@ from ._solve import solution_of as solution_of
 from ._solve import solve_cycles as solve_cycles
 from ._solve import unsolved as unsolved
 from ._system import Cylinders as Cylinders
+from ._waves import is_piped as is_piped
+from ._waves import pipings as pipings

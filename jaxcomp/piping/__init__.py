@@ -13,7 +13,10 @@ from ._resonances import root_near as root_near
 from .api_618 import flange_limit as flange_limit
 from .api_618 import line_limit as line_limit
 from .api_618 import line_limit_of_approach_1 as line_limit_of_approach_1
-from .end import End as End
+from .end import AbstractEnd as AbstractEnd
+from .end import AnechoicEnd as AnechoicEnd
+from .end import ClosedEnd as ClosedEnd
+from .end import OpenEnd as OpenEnd
 from .orifice import Orifice as Orifice
 from .pipe import Pipes as Pipes
 from .run import Run as Run

@@ -103,7 +103,7 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         gaps = list(pairwise(at[name] for name in pipes.nodes))
         pipe_ends += gaps
         given += [pipes.attenuation is not None] * len(gaps)
-    ends = {end.node: end.type for end in piping.ends}
+    ends = {end.node: end.kind for end in piping.ends}
 
     def column(name):
         parts = []

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Part, quantity
-from .end import End
+from .end import AbstractEnd
 from .orifice import Orifice
 from .pipe import Pipes
 from .run import Run
@@ -46,7 +46,7 @@ class Piping(Part):
     pipes: tuple[Pipes, ...]
     volumes: tuple[Volume, ...] = ()
     orifices: tuple[Orifice, ...] = ()
-    ends: tuple[End, ...] = ()
+    ends: tuple[AbstractEnd, ...] = ()
     runs: tuple[Run, ...] = ()
     temperature: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="of the gas in the pipes", usual=(150.0, 700.0)
@@ -101,7 +101,7 @@ class Piping(Part):
                 bound = "another node than a flange, which the valves end"
                 raise BadInput(f"ends.{number}.node", f'"{end.node}"', bound)
             if end.node in seen:
-                value = f'"{end.node}", {end.type}'
+                value = f'"{end.node}", {end.kind}'
                 bound = f"a node without an end: ends.{seen[end.node]} is there already"
                 raise BadInput(f"ends.{number}.node", value, bound)
             seen[end.node] = number

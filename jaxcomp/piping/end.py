@@ -1,21 +1,49 @@
 """Ends of pipes that are neither flange nor line."""
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import equinox as eqx
 
 from .._core.fields import Part
 
 
-class End(Part):
-    """End of a pipe.
+class AbstractEnd(Part):
+    """End of a pipe."""
+
+    node: eqx.AbstractVar[str]
+
+
+class ClosedEnd(AbstractEnd):
+    """End through which nothing flows, as of every pipe that leads to neither flange nor line.
 
     Args:
         node: where it is.
-        type: "closed", "open" to a constant pressure, or "anechoic", as a pipe without end.
     """
 
-    kind: ClassVar[str] = "end"
+    kind: ClassVar[str] = "closed"
 
     node: str = eqx.field(static=True)
-    type: Literal["closed", "open", "anechoic"] = eqx.field(static=True, default="closed")
+
+
+class OpenEnd(AbstractEnd):
+    """End towards a constant pressure, that of the line.
+
+    Args:
+        node: where it is.
+    """
+
+    kind: ClassVar[str] = "open"
+
+    node: str = eqx.field(static=True)
+
+
+class AnechoicEnd(AbstractEnd):
+    """End where a wave goes on as in a pipe without end; the mean pressure there is that of the line.
+
+    Args:
+        node: where it is.
+    """
+
+    kind: ClassVar[str] = "anechoic"
+
+    node: str = eqx.field(static=True)

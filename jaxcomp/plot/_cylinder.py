@@ -148,7 +148,8 @@ def log_p_h(cycle: Cycle) -> Figure:
 
 def power_use(performance: Performance) -> Figure:
     """Uses of the power, from the isentropic power up."""
-    names = [name for name in POWER if float(performance.power[name])]
+    power = performance.power
+    names = [name for name in POWER if name in power and float(power[name])]
     values = np.array([float(performance.power[name]) for name in names])
     left = np.concatenate([[0.0], np.cumsum(values)[:-1]])
     whole = float(performance.electric_power)

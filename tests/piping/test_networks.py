@@ -9,7 +9,9 @@ import pytest
 
 from jaxcomp.fluid import PerfectGas
 from jaxcomp.piping import (
-    End,
+    AnechoicEnd,
+    ClosedEnd,
+    OpenEnd,
     Orifice,
     PipeGas,
     Pipes,
@@ -40,7 +42,7 @@ def straight(length=1.0, diameter=0.05, end="open", **losses):
     if end != "open":
         # a path for the mean flow, through a hole that waves do not feel
         orifices = (Orifice(("far", "line"), resistance=1e18),)
-        ends = (End("far", end),)
+        ends = (ClosedEnd("far"),)
     return Piping(tuple(pipes), orifices=orifices, ends=ends)
 
 
@@ -149,7 +151,7 @@ def filtered():
         chain,
         (Volume("flange", 0.02), Volume("second", 0.03)),
         (Orifice(("far", "line"), resistance=1e18),),
-        (End("far", "anechoic"),),
+        (AnechoicEnd("far"),),
     )
 
 
@@ -181,7 +183,7 @@ def transmission_loss(extra, volumes, frequency, diameter=0.05):
         chain,
         volumes,
         (Orifice(("far", "line"), resistance=1e18),),
-        (End("far", "anechoic"),),
+        (AnechoicEnd("far"),),
     )
     network = network_of(piping, AIR)
     found = response(network, AIR, 2j * jnp.pi * frequency, no_drag(network))
@@ -257,7 +259,8 @@ def random_network(rng):
     ends = []
     for number in range(int(rng.integers(0, 3))):
         pipe(str(rng.choice(inner)), f"stub{number}")
-        ends.append(End(f"stub{number}", str(rng.choice(["closed", "open", "anechoic"]))))
+        kind = (ClosedEnd, OpenEnd, AnechoicEnd)[int(rng.integers(3))]
+        ends.append(kind(f"stub{number}"))
     volumes = tuple(
         Volume(str(name), float(10 ** rng.uniform(-4, -1))) for name in rng.choice(inner, 2)
     )
@@ -397,7 +400,7 @@ def test_loop_and_stubs_against_finite_elements():
         *(pipe(node, f"stub {node}", 0.5) for node in ("639", "1007", "1027")),
     )
     hole = Orifice(("1047", "line"), resistance=1e18)
-    piping = Piping(pipes, orifices=(hole,), ends=(End("1047", "anechoic"),))
+    piping = Piping(pipes, orifices=(hole,), ends=(AnechoicEnd("1047"),))
     network = network_of(piping, gas)
     frequency = jnp.arange(5.0, 226.0, 5.0)
     pressure = np.asarray(pressures_at_nodes(network, gas, frequency))

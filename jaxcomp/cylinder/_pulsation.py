@@ -1,0 +1,314 @@
+"""Pulsation of the lines of a cycle behind pipes: spectra, limits, shaking forces and losses."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.results import Data, Result
+from ..piping import flange_limit, line_limit, line_limit_of_approach_1
+from ._cylinder import Case
+from ._waves import Line, Observed, Waves, complex_of, lines_of, series_of
+
+# Orders that have names of their own.
+NAMED_ORDERS = 8
+# Instants of a revolution for every harmonic at which extremes are looked for.
+_INSTANTS = 24
+# [-] Peak to peak over the pressure of the line beyond which waves are no longer small, and what the
+# delivered flow is off there, in parts of its square: by Euler's equations, at most 0.35.
+LARGE = 0.15
+_ERROR = 0.35
+# [-] Mach number of the mean flow beyond which it carries the waves along.
+FAST = 0.15
+
+
+class Limit(NamedTuple):
+    """A limit of API 618 beside what it limits, peak to peak over the mean pressure.
+
+    Attributes:
+        place: name of the node.
+        order: of the component; 0 for the unfiltered pulsation.
+        value: [-]
+        allowed: [-]
+    """
+
+    place: str
+    order: int
+    value: Float[Array, ""]
+    allowed: Float[Array, ""]
+
+    @property
+    def margin(self) -> Float[Array, ""]:
+        """[-] What is allowed over what is."""
+        return self.allowed / jnp.maximum(self.value, 1e-12)
+
+
+class Pulsation(Result, eqx.Module):
+    """Pulsation in the pipes of a solved cycle.
+
+    Attributes:
+        waves: at the flanges, over the pressure of the lines.
+        flows: harmonics of what passes the flanges of each network.
+        case: a cylinder as large as all together.
+    """
+
+    waves: Waves
+    flows: tuple[Observed, ...]
+    case: Case
+
+    @property
+    def lines(self) -> list[tuple[int, Line, Observed]]:
+        """Number, network and flows of every line that is one."""
+        flows = iter(self.flows)
+        return [
+            (side, line, next(flows))
+            for side, line in enumerate(lines_of(self.case))
+            if line is not None
+        ]
+
+    def _name(self, side: int, node: str) -> str:
+        """Name of a node, with its line where both are networks."""
+        word = ("suction", "discharge")[side]
+        return f"{word}.{node}" if len(self.flows) > 1 else node
+
+    def series(self) -> dict[str, Float[Array, " h"]]:
+        """Series [Pa] of the pressure at every node, beyond that of its line: mean, cosines, sines."""
+        series = {}
+        for side, line, flows in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            network, _, steady, dynamic = line.responses(waves)
+            mean, amplitudes = line.ports(waves, flows)
+            of_mean = steady.pressure @ mean
+            of_waves = jnp.einsum("nrc,nc->rn", dynamic.pressure, amplitudes)
+            rows = series_of(of_mean, of_waves)
+            for node, row in zip(network.nodes, rows, strict=True):
+                series[self._name(side, node)] = row
+        return series
+
+    def over_revolution(self, node: str, tau: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Pressure [Pa] at a node, beyond that of its line.
+
+        Args:
+            node: its name.
+            tau: [rad] time over a revolution, from the top dead centre of the first cylinder.
+        """
+        series = self.series()[node]
+        orders = (series.size - 1) // 2
+        angle = jnp.arange(1, orders + 1) * tau[:, None]
+        return (
+            series[0]
+            + jnp.cos(angle) @ series[1 : 1 + orders]
+            + jnp.sin(angle) @ series[1 + orders :]
+        )
+
+    def spectra(self) -> dict[str, Float[Array, " n"]]:
+        """Amplitudes [Pa] of the harmonics at every node, from the first."""
+        spectra = {}
+        for node, series in self.series().items():
+            orders = (series.size - 1) // 2
+            spectra[node] = _sizes(series[1 : 1 + orders], series[1 + orders :])
+        return spectra
+
+    @property
+    def pressures(self) -> dict[str, Float[Array, ""]]:
+        """[Pa] Peak to peak, mean and first orders at every node, by NODE.peak_to_peak and so on."""
+        values = {}
+        spectra = self.spectra()
+        for node, series in self.series().items():
+            values[f"{node}.peak_to_peak"] = peak_to_peak(series)
+            values[f"{node}.mean"] = series[0]
+            for order in range(1, NAMED_ORDERS + 1):
+                if order <= spectra[node].size:
+                    values[f"{node}.order_{order}"] = spectra[node][order - 1]
+        return values
+
+    @property
+    def limits(self) -> list[Limit]:
+        """Limits of API 618: of the flanges unfiltered, of all other nodes component by component."""
+        limits = []
+        ratio = self.case.discharge.p / self.case.suction.p
+        series = self.series()
+        spectra = self.spectra()
+        for side, line, _ in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            gas = line.gas(waves.temperature)
+            network = line.network(gas)
+            pressure = line.state.p
+            flanges = [network.nodes[number] for number in network.flanges]
+            for node in flanges:
+                name = self._name(side, node)
+                value = peak_to_peak(series[name]) / (pressure + series[name][0])
+                limits.append(Limit(name, 0, value, flange_limit(ratio)))
+            for number, node in enumerate(network.nodes):
+                if node in flanges or network.fixed[number]:
+                    continue
+                name = self._name(side, node)
+                touching = [k for k, pair in enumerate(network.pipe_ends) if number in pair]
+                diameter = jnp.max(network.diameter[np.array(touching, int)])
+                mean = pressure + series[name][0]
+                orders = min(NAMED_ORDERS, spectra[name].size)
+                for order in range(1, orders + 1):
+                    frequency = order * self.case.speed / (2 * np.pi)
+                    allowed = line_limit(gas.sound_speed, mean, diameter, frequency)
+                    value = 2 * spectra[name][order - 1] / mean
+                    limits.append(Limit(name, order, value, allowed))
+        return limits
+
+    @property
+    def approach_1(self) -> dict[str, Limit]:
+        """Limit of approach 1 of API 618 in the lines, unfiltered, at every node behind the flanges."""
+        limits = {}
+        series = self.series()
+        for side, line, _ in self.lines:
+            for node in line.piping.nodes:
+                name = self._name(side, node)
+                if node in line.piping.flanges or node == "line":
+                    continue
+                mean = line.state.p + series[name][0]
+                value = peak_to_peak(series[name]) / mean
+                limits[name] = Limit(name, 0, value, line_limit_of_approach_1(mean))
+        return limits
+
+    @property
+    def margin(self) -> Float[Array, ""]:
+        """[-] The least of all limits of API 618 over its value: below 1 one is passed."""
+        return jnp.min(jnp.stack([limit.margin for limit in self.limits]))
+
+    @property
+    def shaking_forces(self) -> dict[str, Float[Array, ""]]:
+        """[N] Amplitudes of the forces on the runs of pipe, by RUN.order_1 and so on."""
+        forces = {}
+        for run, series in self.shaking_series().items():
+            orders = (series.size - 1) // 2
+            sizes = _sizes(series[1 : 1 + orders], series[1 + orders :])
+            for order in range(1, min(NAMED_ORDERS, orders) + 1):
+                forces[f"{run}.order_{order}"] = sizes[order - 1]
+        return forces
+
+    def shaking_series(self) -> dict[str, Float[Array, " h"]]:
+        """Series [N] of the force on every run, along it from its first node to its second."""
+        forces = {}
+        series = self.series()
+        for side, line, _ in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            network = line.network(line.gas(waves.temperature))
+            for run in line.piping.runs:
+                first, second = (network.nodes.index(node) for node in run.nodes)
+                area = network.area[_pipe_of_run(network.pipe_ends, first, second)]
+                a, b = (series[self._name(side, node)] for node in run.nodes)
+                forces[self._name(side, "-".join(run.nodes))] = area * (a - b)
+        return forces
+
+    @property
+    def mean_drops(self) -> dict[str, Float[Array, ""]]:
+        """[Pa] Mean loss of pressure between each flange and its line."""
+        drops = {}
+        series = self.series()
+        for side, line, _ in self.lines:
+            for node in line.piping.flanges:
+                name = self._name(side, node)
+                drops[name] = series[name][0] * (1.0 if side else -1.0)
+        return drops
+
+    @property
+    def resolution(self) -> Float[Array, ""]:
+        """[-] Last harmonic at the flanges over the largest: what a sharper edge would still add."""
+        shares = []
+        for side, _, _ in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            _, amplitudes = complex_of(waves.pressure, (waves.pressure.shape[1] - 1) // 2)
+            sizes = jnp.abs(amplitudes)
+            shares.append(jnp.max(sizes[:, -1] / jnp.maximum(jnp.max(sizes, axis=1), 1e-30)))
+        return jnp.max(jnp.stack(shares))
+
+    @property
+    def largest(self) -> Float[Array, ""]:
+        """[-] Peak to peak at the flanges over the pressure of the line, the largest."""
+        sizes = []
+        for side, _, _ in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            sizes += [peak_to_peak(row) for row in waves.pressure]
+        return jnp.max(jnp.stack(sizes))
+
+    @property
+    def linear_error(self) -> Float[Array, ""]:
+        """[-] Estimate of the error of the flow because waves are not small."""
+        return _ERROR * self.largest**2
+
+    @property
+    def mach(self) -> Float[Array, ""]:
+        """[-] Largest Mach number of the mean flow in any pipe."""
+        numbers = []
+        for side, line, flows in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            network, gas, steady, _ = line.responses(waves)
+            mean, _ = line.ports(waves, flows)
+            flow = jnp.abs(steady.pipe_flow @ mean)
+            numbers.append(jnp.max(flow / (gas.density * gas.sound_speed * network.area)))
+        return jnp.max(jnp.stack(numbers))
+
+    @property
+    def remarks(self) -> list[str]:
+        """Where the model is beyond its range, in words; values only."""
+        words = []
+        largest = float(self.largest)
+        if largest > LARGE:
+            error = float(self.linear_error)
+            words.append(
+                f"large_pulsation: {largest:.0%} peak to peak at a flange; waves are linear here, which "
+                f"may err by {error:.1%} of the flow"
+            )
+        mach = float(self.mach)
+        if mach > FAST:
+            words.append(
+                f"fast_flow: Mach {mach:.2f} in a pipe; mean flow does not carry waves here"
+            )
+        return words
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        for name, value in self.pressures.items():
+            yield Data(f"pulsation.{name}", "Pa", value)
+        yield Data("pulsation_margin", "", self.margin)
+        for name, value in self.shaking_forces.items():
+            yield Data(f"shaking.{name}", "N", value)
+        for name, value in self.mean_drops.items():
+            yield Data(f"pressure_drop.{name}", "Pa", value)
+        yield Data("pulsation_resolution", "", self.resolution)
+        yield Data("pulsation_linear_error", "", self.linear_error)
+
+
+def _sizes(cosine, sine):
+    # double where: the root has no slope at zero, as of odd orders of two cylinders
+    square = cosine**2 + sine**2
+    some = square > 0
+    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+
+
+def peak_to_peak(series: Float[Array, " h"]) -> Float[Array, ""]:
+    """Highest less lowest value of a series over a revolution."""
+    orders = (series.size - 1) // 2
+    tau = 2 * np.pi * np.arange(_INSTANTS * orders) / (_INSTANTS * orders)
+    angle = np.arange(1, orders + 1) * tau[:, None]
+    values = np.cos(angle) @ series[1 : 1 + orders] + np.sin(angle) @ series[1 + orders :]
+    return jnp.max(values) - jnp.min(values)
+
+
+def _pipe_of_run(pipe_ends, first: int, second: int) -> int:
+    """The pipe whose area a run has: the one that joins both nodes, or the first at its beginning."""
+    for number, pair in enumerate(pipe_ends):
+        if {first, second} == set(pair):
+            return number
+    for number, pair in enumerate(pipe_ends):
+        if first in pair:
+            return number
+    return 0
