@@ -179,8 +179,8 @@ def rates(
     tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
     leaks = leak * tiny, leak * leak_enthalpy * small
     flows = valves.flow * tiny, carried * small
-    scale = case.energy_scale
     warmed = heat * small
+    scale = case.energy_scale
     accounts = _accounts(flanges, scale, inside, valves.is_open, flows, leaks, warmed, volume_1)
     to_plenums = (jnp.zeros(()),) * 2
     if cylinder.walls is not None:

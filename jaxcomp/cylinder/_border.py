@@ -10,7 +10,7 @@ $S = G_c + G_q\,(q_c + q_z z_c)$ of the size of c. Every step is two solutions w
 without pipes.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -80,7 +80,7 @@ class Bordered(NamedTuple):
 class Both(NamedTuple):
     """Unknowns, or residuals, of panels and waves."""
 
-    panels: Unknowns | Residual
+    panels: Any  # `Unknowns` or `Residual`
     waves: Waves
 
 

@@ -350,7 +350,7 @@ class Cylinders(eqx.Module):
         for line, numbers in enumerate(flanges):
             chosen[np.arange(self.count), line, starts[line] + numbers] = 1
         wide = chosen.reshape(-1, starts[-1], 1) * harmonics(tau, self.orders)
-        return wide.reshape(self.count * lines, -1)
+        return jnp.asarray(wide).reshape(self.count * lines, -1)
 
     def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
         """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""

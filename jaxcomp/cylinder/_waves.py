@@ -303,7 +303,7 @@ class Line(eqx.Module):
         return jnp.concatenate([mean, mean_drop]), jnp.concatenate([amplitudes, drops]).T
 
     def answer_of(self, responses, waves: SideWaves, observed: Observed) -> SideWaves:
-        """The same for responses that are known."""
+        """Waves that known responses of the network make of its flows."""
         network, _, steady, dynamic = responses
         mean, amplitudes = self.ports(waves, observed)
         flanges = np.array(network.flanges)

@@ -10,6 +10,8 @@ from .._core.fields import Part
 class AbstractEnd(Part):
     """End of a pipe."""
 
+    kind: ClassVar[str]
+
     node: eqx.AbstractVar[str]
 
 

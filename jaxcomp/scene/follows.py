@@ -151,8 +151,8 @@ def _of_valves(gas: Cylinder, speed: float):
         yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"
     if not gas.inert:
         yield "Flow through the ports", "quasi-steady", "values only: derivatives need port_length"
-    yield (
-        "Not modelled",
-        "stratified gas, pulsation in the lines beyond their plenums",
-        "oil in the gas, wet compression",
-    )
+    networks = [getattr(line, "piping", None) for line in (gas.suction, gas.discharge)]
+    pulsation = "pulsation in the lines beyond their plenums"
+    if any(networks):
+        pulsation = "waves that are not small, mean flow that carries them"
+    yield "Not modelled", f"stratified gas, {pulsation}", "oil in the gas, wet compression"
