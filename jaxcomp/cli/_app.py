@@ -27,6 +27,7 @@ from ._map import rating_map
 from ._modes import modes, update
 from ._optimise import optimise
 from ._pictures import animate, desk
+from ._pulsation import pulsation
 from ._respond import respond
 from ._run import run
 from ._simulate import simulate
@@ -144,6 +145,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "tolerance": tolerance,
     },
     "Measured machines": {"identify": identify, "update": update},
+    "Pipes": {"pulsation": pulsation},
     "Vibration and balance": {"modes": modes, "respond": respond, "balance": balance},
     "Motion and bearings": {"simulate": simulate, "bearing": bearing, "animate": animate},
     "Machines, files and this program": {

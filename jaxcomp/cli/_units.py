@@ -38,6 +38,18 @@ _TEXTS = {
         errors: value {file}
     """,
     "cache": "programs; size {bytes}",
+    "pulsation": """
+        speed, lowest_speed, highest_speed [rad/s]; orders
+        resonances: number, quality, margin, nearest_order; frequency [Hz]
+        resonances.crossings: order; speed [rad/s]
+        solved: resolution, linear_error, mach
+        solved.pressures: * [Pa]
+        solved.spectra: * [Pa]
+        solved.limits: order, value, allowed, margin
+        solved.approach_1.*: value, allowed
+        solved.shaking: * [N]
+        solved.pressure_drop: * [Pa]
+    """,
     "list": """
         values.*|variables.*: value, given {beside}
         fluids: lowest, highest, critical_temperature [K]; highest_pressure [Pa]

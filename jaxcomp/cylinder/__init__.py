@@ -3,6 +3,8 @@
 from . import interface as interface
 from ._cycle import Cycle as Cycle
 from ._cylinder import Cylinder as Cylinder
+from ._line_resonances import LineResonance as LineResonance
+from ._line_resonances import line_resonances as line_resonances
 from ._lines import DischargeLine as DischargeLine
 from ._lines import SuctionLine as SuctionLine
 from ._options import CycleOptions as CycleOptions

@@ -43,6 +43,7 @@ from ._optimise import optimum_convergence as optimum_convergence
 from ._optimise import optimum_figures as optimum_figures
 from ._optimise import optimum_path as optimum_path
 from ._optimise import pareto_front as pareto_front
+from ._pulsation import pulsation_figures as pulsation_figures
 from ._rotor import campbell_diagram as campbell_diagram
 from ._rotor import deflection_shape as deflection_shape
 from ._rotor import mode_shapes as mode_shapes

@@ -1,0 +1,193 @@
+"""`jaxcomp pulsation`: resonances of pipes against the orders of the crank, and the coupled answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import typer
+
+import jaxcomp as jc
+
+from .._core.display import RPM
+from . import _options as opt
+from ._arguments import speeds_of
+from ._output import Output, header
+from ._start import waiting
+from ._tables import row_table
+
+# Of the motor's speed, where no range is given.
+_BESIDE = 0.5
+# [-] Distance of a resonance from an order below which API 618 asks for a closer look.
+_NEAR = 0.2
+
+
+def pulsation(
+    *,
+    case: opt.Case,
+    speeds: opt.Speeds = None,
+    orders: Annotated[int, typer.Option(min=1, max=64)] = 8,
+    solve: bool = False,
+    output: Output,
+) -> None:
+    """Find where the pipes of suction and discharge ring, and at which speeds orders meet that.
+
+    No cycle is solved for this; with [bold]--solve[/bold] it is, at the machine's own speed, and
+    pressures, limits of API 618 and shaking forces follow.
+
+    Example: [bold]jaxcomp pulsation my-machine.toml --speeds 600rpm:1800rpm --out result[/bold]
+
+    Args:
+        orders: Orders of the crank to look at, from the first.
+        solve: Solve the cycle with its pipes as well.
+    """
+    import numpy as np
+
+    scene = case.scene(once=True)
+    compressor = scene.as_compressor()
+    gas = compressor.gas
+    piped = isinstance(gas, jc.cylinder.Cylinder) and jc.cylinder.interface.is_piped(gas)
+    if not piped:
+        missing = (
+            "the machine file has no pipes, [gas.suction.piping] or [gas.discharge.piping], which "
+            "`pulsation` needs"
+        )
+        raise jc.scene.SceneError("", missing, file=scene.file)
+    own = float(compressor.motor.speed_guess)
+    beside = np.array([_BESIDE * own, (2 - _BESIDE) * own])
+    range_ = beside if speeds is None else speeds_of(speeds)
+    with waiting():
+        found = _map(compressor, own, range_, orders)
+        if solve:
+            orbit = jc.solve_orbit(compressor)
+            found["solved"] = _solved(orbit.cycle.pulsation)
+    output.emit(
+        found,
+        pulsation_tables,
+        lambda: jc.plot.interface.pulsation_figures(found),
+        scene,
+        beside=header(scene) | case.changes,
+    )
+
+
+def _map(compressor: jc.Compressor, own: float, speeds, orders: int) -> dict[str, Any]:
+    """Resonances with the speeds at which orders meet them."""
+    from .._core.each import of_cylinder
+
+    low = float(min(speeds))
+    high = float(max(speeds))
+    highest = orders * max(high, own) / (2 * math.pi)
+    resonances = jc.cylinder.line_resonances(
+        of_cylinder(compressor.gas), of_cylinder(compressor.mechanism), own, highest
+    )
+    rows = []
+    for number, resonance in enumerate(resonances, 1):
+        frequency = float(resonance.frequency)
+        crossings = []
+        for order in range(1, orders + 1):
+            speed = 2 * math.pi * frequency / order
+            if low <= speed <= high:
+                crossings.append({"order": order, "speed": speed})
+        distances = [
+            abs(order * own / (2 * math.pi) / frequency - 1) for order in range(1, orders + 1)
+        ]
+        rows.append(
+            {
+                "number": number,
+                "line": resonance.line,
+                "frequency": frequency,
+                "quality": min(float(resonance.quality), 1e6),
+                "margin": min(distances),
+                "nearest_order": 1 + distances.index(min(distances)),
+                "crossings": crossings,
+            }
+        )
+    return {
+        "speed": own,
+        "lowest_speed": low,
+        "highest_speed": high,
+        "orders": orders,
+        "resonances": rows,
+    }
+
+
+def _solved(pulsation) -> dict[str, Any]:
+    """The coupled answer as plain numbers."""
+    return {
+        "pressures": {name: float(value) for name, value in pulsation.pressures.items()},
+        "spectra": {name: sizes.tolist() for name, sizes in pulsation.spectra().items()},
+        "limits": [
+            {
+                "place": limit.place,
+                "order": limit.order,
+                "value": float(limit.value),
+                "allowed": float(limit.allowed),
+                "margin": float(limit.margin),
+            }
+            for limit in pulsation.limits
+        ],
+        "approach_1": {
+            name: {"value": float(limit.value), "allowed": float(limit.allowed)}
+            for name, limit in pulsation.approach_1.items()
+        },
+        "shaking": {name: float(value) for name, value in pulsation.shaking_forces.items()},
+        "pressure_drop": {name: float(value) for name, value in pulsation.mean_drops.items()},
+        "resolution": float(pulsation.resolution),
+        "linear_error": float(pulsation.linear_error),
+        "mach": float(pulsation.mach),
+        "remarks": pulsation.remarks,
+    }
+
+
+def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
+    """Resonances with their crossings, and of a solved machine pressures, limits and forces."""
+    rows = []
+    for one in result["resonances"]:
+        met = ", ".join(f"{c['speed'] * RPM:.5g} ({c['order']})" for c in one["crossings"])
+        near = "near" if one["margin"] < _NEAR else ""
+        margin = f"{100 * one['margin']:.3g} % of order {one['nearest_order']}"
+        row = (one["number"], one["line"], one["frequency"], one["quality"], margin, near, met)
+        rows.append(row)
+    title = f"{result['machine']}: resonances of pipes, flanges shut, at {result['speed'] * RPM:.5g} rpm"
+    heads = ("", "Line", ("Hz", ".5g"), ("Q", ".4g"), "Off", "", "Met at rpm (order)")
+    yield row_table(title, heads, rows)
+    solved = result.get("solved")
+    if solved is None:
+        return
+    yield _pressures(solved)
+    yield _limits(solved)
+    if solved["shaking"]:
+        rows = [(name, force) for name, force in solved["shaking"].items()]
+        yield row_table(None, ("Shaking force of runs", ("N", ".4g")), rows)
+    rows = [("Last harmonic over the largest", f"{solved['resolution']:.2g}")]
+    rows.append(
+        ("Error of the flow as waves are not small", f"{100 * solved['linear_error']:.2g} %")
+    )
+    rows += [(remark, "") for remark in solved["remarks"]]
+    yield row_table(None, ("Evidence", ""), rows, texts=2)
+
+
+def _pressures(solved: dict[str, Any]):
+    rows = []
+    for node, sizes in solved["spectra"].items():
+        values = solved["pressures"]
+        orders = [f"{size:.4g}" for size in sizes[:4]]
+        rows.append((node, values[f"{node}.peak_to_peak"], values[f"{node}.mean"], *orders))
+    heads = ("Node", ("Peak to peak, Pa", ".5g"), ("Mean, Pa", ".4g"))
+    return row_table(None, (*heads, *(f"Order {n}" for n in range(1, 5))), rows)
+
+
+def _limits(solved: dict[str, Any]):
+    rows = []
+    for limit in solved["limits"]:
+        what = f"order {limit['order']}" if limit["order"] else "unfiltered"
+        shown = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
+        passed = "passed" if limit["margin"] < 1 else ""
+        rows.append((limit["place"], what, *shown, f"{limit['margin']:.4g}", passed))
+    for place, limit in solved["approach_1"].items():
+        shown = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
+        margin = limit["allowed"] / max(limit["value"], 1e-12)
+        rows.append((place, "unfiltered, approach 1", *shown, f"{margin:.4g}", ""))
+    heads = ("API 618, peak to peak", "", "Pulsation", "Allowed", "Margin", "")
+    return row_table(None, heads, rows)
