@@ -60,8 +60,9 @@ def pulsation(
     with waiting():
         found = _map(compressor, own, range_, orders)
         if solve:
-            orbit = jc.solve_orbit(compressor)
-            found["solved"] = _solved(orbit.cycle.pulsation)
+            cycle = jc.solve_orbit(compressor).cycle
+            assert cycle is not None
+            found["solved"] = _solved(cycle.pulsation)
     output.emit(
         found,
         pulsation_tables,
