@@ -30,7 +30,8 @@ _SCHEMAS = ("A machine for jaxcomp", "Results of jaxcomp")
 _LONGEST = 120
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
 Kind = Literal[
-    "slider-crank", "v-twin", "slider-link", "refrigeration", "blend", "semi-hermetic", "rotor"
+    "slider-crank", "v-twin", "slider-link", "refrigeration", "blend", "semi-hermetic", "pipes",
+    "rotor",
 ]  # fmt: skip
 
 

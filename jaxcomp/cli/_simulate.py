@@ -98,6 +98,9 @@ def simulate(
         "power_off": off,
         **case.changes,
     }
+    gas = compressor.gas
+    if isinstance(gas, jc.cylinder.Cylinder) and jc.cylinder.interface.is_piped(gas):
+        beside["left_out"] = "pipes: the lines keep their mean pressures in time"
     curves = {"motion": found.columns}
     output.emit(found, simulate_tables, figures, scene, curves, beside=beside)
 
@@ -142,4 +145,6 @@ def simulate_tables(result: dict[str, Any]) -> Iterator[Any]:
         (),
         ("Solver", result["solver"], f"{result['steps']} steps at {result['tolerance']:g}"),
     )
+    if "left_out" in result:
+        rows = (*rows, ("Left out", result["left_out"], ""))
     yield row_table(f"{result['machine']} in time", ("Motion", "", ""), rows, texts=3)
