@@ -328,10 +328,12 @@ class Cycle(Result, eqx.Module):
         """[-] Largest Floquet multiplier: the factor of a disturbance in a revolution, by collocation.
 
         Beyond one in magnitude the cycle is unstable; below minus one the machine repeats only after
-        two revolutions. With its sign where it is real, else the magnitude.
+        two revolutions. With its sign where it is real, else the magnitude. Behind pipes that of the
+        valves and the gas in the cylinder, with the waves as they are.
         """
         mesh, z, _ = self.raw
-        return largest_multiplier(self.case, mesh, z)
+        waves = None if self.pulsation is None else self.pulsation.waves
+        return largest_multiplier(self.case, mesh, z, waves)
 
     @property
     def turning_margins(self) -> dict[str, Float[Array, ""]]:

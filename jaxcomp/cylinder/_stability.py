@@ -13,24 +13,26 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from ._collocation import factorise, linearise
+from ._collocation import assemble, factorise, linearise
 from ._cylinder import Case
-from ._panels import Mesh, Unknowns
+from ._panels import Mesh, Unknowns, at_points
 from ._system import Cylinders
+from ._waves import Waves
 
 
-def largest_multiplier(case: Case, mesh: Mesh, z: Unknowns) -> float:
+def largest_multiplier(case: Case, mesh: Mesh, z: Unknowns, waves: Waves | None = None) -> float:
     """The Floquet multiplier of the largest magnitude, of one cylinder [-].
 
     Args:
         case: cylinder, lines and speed.
         mesh: panels and events of a cycle by collocation.
         z: its unknowns.
+        waves: at the flanges of pipes, which a disturbance is taken to leave as they are.
 
     Returns:
         With its sign where it is real, else its magnitude.
     """
-    multipliers = np.linalg.eigvals(np.asarray(_revolution_matrix(case, mesh, z)))
+    multipliers = np.linalg.eigvals(np.asarray(_revolution_matrix(case, mesh, z, waves)))
     largest = multipliers[np.argmax(np.abs(multipliers))]
     if abs(largest.imag) < 1e-9 * abs(largest):
         return float(largest.real)
@@ -38,10 +40,15 @@ def largest_multiplier(case: Case, mesh: Mesh, z: Unknowns) -> float:
 
 
 @eqx.filter_jit
-def _revolution_matrix(case: Case, mesh: Mesh, z: Unknowns):
+def _revolution_matrix(case: Case, mesh: Mesh, z: Unknowns, waves: Waves | None):
     """From the states at the beginning of the revolution to those at its end (n, n)."""
     system = Cylinders(case, jnp.zeros(1))
-    _, blocks, _ = linearise(system, mesh, z)
+    if waves is None:
+        _, blocks, _ = linearise(system, mesh, z)
+    else:
+        system = system.with_waves(waves)
+        parts = at_points(system.jacobian_at_flanges, mesh, z)
+        _, blocks, _ = assemble(system, mesh, z, *parts.panels)
     maps = factorise(blocks).maps
     size = maps.shape[-1]
 
