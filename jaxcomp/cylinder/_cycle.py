@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.results import Data, Result
 from .._core.status import Status
+from ..fluid import GasState
 from ._balance import STATES, Accounts, valve_scales
 from ._cylinder import Case
 from ._panels import SolvedPressure, over_panels, resolution, turning_margins
@@ -210,11 +211,28 @@ class Cycle(Result, eqx.Module):
         return self.totals.discharge_heat / nonzero(self.delivered)
 
     @property
-    def discharge_temperature(self) -> Float[Array, ""]:
-        """[K] of that gas at the pressure of the line."""
+    def discharged_gas(self) -> GasState:
+        """That gas at the pressure of the line."""
         line = self.case.discharge
         enthalpy = jnp.where(self.delivered > 0, self.discharge_enthalpy, line.h)
-        return self.case.cylinder.fluid.at_enthalpy(line.p, enthalpy, line).T
+        return self.case.cylinder.fluid.at_enthalpy(line.p, enthalpy, line)
+
+    @property
+    def discharge_temperature(self) -> Float[Array, ""]:
+        """[K] of that gas at the pressure of the line."""
+        return self.discharged_gas.T
+
+    @property
+    def polytropic_rise(self) -> Float[Array, ""]:
+        r"""[J/kg] Polytropic head between the lines, $\int dp/\rho$ with $p\rho^{-n}$ constant.
+
+        The exponent is that of the densities of the gas at the suction valve and of the gas delivered.
+        """
+        suction = self.case.suction
+        behind = self.discharged_gas
+        ratio = behind.p / suction.p
+        inverse = jnp.log(behind.rho / suction.rho) / jnp.log(ratio)  # 1/n
+        return suction.p / suction.rho * (ratio ** (1 - inverse) - 1) / (1 - inverse)
 
     @property
     def mass_closure(self) -> Float[Array, ""]:

@@ -382,3 +382,28 @@ def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
     assert found.fluid == "R134a"
     refused = CliRunner().invoke(app, [*given, "--coefficients", "30"])
     assert "needs --speeds" in refused.output
+
+
+def test_a_map_by_mean_temperatures_says_so(tmp_path, monkeypatch):
+    def made_up(scene, evaporating, condensing, standard, options, solver, reference):
+        x, y = evaporating[:, None] - ZERO, condensing - ZERO
+        values = {name: 100 + x + 0 * y for name, *_ in QUANTITIES}
+        ok = np.ones((x.size, y.size), bool)
+        zeros = {"power": np.zeros(10)}
+        return RatingMap(
+            evaporating, condensing, values, ok, zeros, {"power": 0.0}, standard, reference
+        )
+
+    monkeypatch.setattr("jaxcomp.study.rating.rating_map", made_up)
+    words = "map r134a-7cc --set gas.fluid.name=R448A --set gas.discharge.liquid_temperature=25degC"
+    rating = ["--reference", "mean", "--rating", "en12900-superheat"]
+    given = [*words.split(), *rating, "--evaporating=-30:-10:4", "--condensing=35:55:4"]
+    result = CliRunner().invoke(app, [*given, "--out", str(tmp_path)], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    # of the glide of 6.1 K at 0 degC
+    assert "Temperatures are mean temperatures; glide of R448A: 6.4 K at -30 °C" in result.output
+    found = read_readings(tmp_path / "coefficients.csv", [ZERO - 25], [ZERO + 40])
+    assert found.reference == "mean"
+    assert found.by_superheat
+    refused = CliRunner().invoke(app, [*given, "--format", "tespy"])
+    assert "takes dew temperatures" in " ".join(refused.output.split())
