@@ -214,6 +214,7 @@ def _from_machines() -> Mapping[type[Part], dict[str, Any]]:
 
 def _collect(table: Any, entry: Section, path: str, found: dict[type[Part], dict[str, Any]]):
     part = chosen(table, entry.classes, path)
+    table = part.written(table)
     values = found.setdefault(part, {})
     for name, inner in entries(part).items():
         given = table.get(name)
