@@ -113,9 +113,7 @@ def single_numbers(compressor: Compressor) -> dict[str, str]:
 def _check_lists(compressor: Compressor) -> None:
     """That lists in the place of numbers have one entry a cylinder."""
     count = compressor.crankshaft.count
-    if isinstance(compressor.gas, StagedCycle) and len(compressor.gas.stages) != count:
-        stages = str(compressor.gas.stages)
-        raise BadInput("gas.stages", stages, f"one stage for each of {count} cylinders")
+    _check_stages(compressor.gas, count)
     for section in _LISTED:
         for path, part in subparts(getattr(compressor, section)):
             if isinstance(part, AbstractEach) and len(part.of_cylinder) != count:
@@ -136,6 +134,18 @@ def _check_lists(compressor: Compressor) -> None:
             raise BadInput(
                 f"{where}.of_cylinder", str(part.of_cylinder), "absent: the shaft is one"
             )
+
+
+def _check_stages(gas: AbstractGas | None, count: int) -> None:
+    """That every cylinder has its stage."""
+    if isinstance(gas, StagedCycle):
+        name = "gas.stages"
+    elif isinstance(gas, Cylinder) and gas.later_stages:
+        name = "gas.stage_of_cylinder"
+    else:
+        return
+    if len(gas.stages) != count:
+        raise BadInput(name, str(gas.stages), f"one stage for each of {count} cylinders")
 
 
 def _check_ports(compressor: Compressor) -> None:

@@ -34,6 +34,7 @@ _WORDS = {
     "simple_cycle": "a gas of type polytropic, double_acting or staged",
     "gas.inlet_temperature": "a simple cycle with an inlet_temperature",
     "gas.stages": "a gas of type staged",
+    "gas.later_stages": "a gas of type cylinder with later_stages",
 }
 # Sections of a machine file that a quantity may need as well.
 _PARTS = ("rotor", "loads", "balancing", "suspension", "torsion")
@@ -100,6 +101,7 @@ class Quantity(NamedTuple):
             "simple_cycle": getattr(gas, "kind", "") in _KINDS_OF_SIMPLE,
             "gas.inlet_temperature": _inlet(gas) is not None,
             "gas.stages": hasattr(gas, "stages"),
+            "gas.later_stages": bool(getattr(gas, "later_stages", ())),
             "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
         }
         for section in self.sections:
@@ -175,6 +177,10 @@ _BUILT_IN = (
              lambda r: r.delivered.temperature, (*_SIMPLE, "gas.inlet_temperature")),
     Quantity("stage_pressure.<stage>", "Pa", "", "Behind a stage, before the next one.",
              lambda r: r.delivered.stage_pressures, (*_SIMPLE, "gas.stages"),
+             members=_between_stages),
+    Quantity("interstage_pressure.<stage>", "Pa", "",
+             "In the line behind the cooler of a stage, as the flows decide it.",
+             lambda r: r.orbit.cycle.pressure_behind_stages, (*_CYCLE, "gas.later_stages"),
              members=_between_stages),
     Quantity("peak_shaking_force", "N", "less", "Largest shaking force over the revolution.",
              lambda r: r.peak_shaking_force, ("orbit", "compressor")),

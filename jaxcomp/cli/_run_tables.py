@@ -85,12 +85,21 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")
         rows.append((name, text, note))
-    for stage, pressure in result.get("stage_pressure", {}).items():
-        text = shown("", "Pa", pressure).text(pressure)
-        rows.append((f"Behind stage {stage}", text, "Pressure between the stages"))
+    rows += _between_stages(result)
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
     title = scene.name + (f" with {', '.join(changes)}" if changes else "")
     return row_table(title, ("Periodic state", "", ""), rows, texts=3)
+
+
+def _between_stages(result: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Rows of the pressures between stages, of ideal valves and of solved ones."""
+    notes = {
+        "stage_pressure": "Pressure between the stages",
+        "interstage_pressure": "Pressure behind its cooler",
+    }
+    for name, note in notes.items():
+        for stage, pressure in result.get(name, {}).items():
+            yield f"Behind stage {stage}", shown("", "Pa", pressure).text(pressure), note
 
 
 def _losses(result: dict[str, Any]):

@@ -41,6 +41,7 @@ from ..cylinder.interface import (
     Pace,
     SeveralCycles,
     follow_cycles,
+    guessed_pressures,
     is_solved,
     no_solution,
     of_each,
@@ -79,6 +80,8 @@ class Motion(NamedTuple):
     # constant speed
     pace: Pace | None
     rise: Float[Array, ""] | None  # [-] of the suction gas by a law of its own, in parts of 100 K
+    # [-] logarithms of the pressures [Pa] between stages, where the flows decide them
+    between: Float[Array, " s"] | None = None
 
 
 def orbit_at_constant_speed(compressor: Compressor, solver: Collocation) -> Orbit:
@@ -106,7 +109,7 @@ def orbit_with_cylinder(
     even = even or isinstance(compressor.motor, ConstantSpeed)
     if _is_marched(compressor, solver):
         compressor = values_only(compressor)
-    if even and law_of(compressor) is None:
+    if even and law_of(compressor) is None and not _seeks_pressures(compressor):
         # the pressure depends on nothing that the crank does
         speed = compressor.motor.speed_guess
         if found is None:
@@ -150,7 +153,10 @@ def _coupled(compressor: Compressor, solver, even: bool, known: tuple | None):
     phase = _phase_of_cycles(compressor)
     steady = None if even else pace_of(nothing, jnp.zeros_like, phase)
     rise = first_rise(compressor)
-    still = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS)
+    between = None
+    if _seeks_pressures(compressor):
+        between = jnp.log(guessed_pressures(compressor.gas, mechanisms_of(compressor)))
+    still = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS, between)
     _, (cycle, orbit) = zeros_of(_step, compressor, solver, still, nothing)
 
     def step(motion, last):
@@ -173,6 +179,8 @@ def _sampled(motion: Motion) -> Float[Array, " n"]:
     numbers = [motion.level[None]]
     if motion.rise is not None:
         numbers.append(motion.rise[None])
+    if motion.between is not None:
+        numbers.append(motion.between)
     if motion.pace is not None:
         numbers.append(_excess_at(motion.pace, jnp.asarray(_GRID)).ravel())
     return jnp.concatenate(numbers)
@@ -194,7 +202,8 @@ def _combined(weights: Float[Array, " depth"], outputs: Motion, newest: Motion) 
         if pace.edges.ndim > 1:
             on_newest = jax.vmap(_combined_pace, (None, 1, 0))
         pace = on_newest(weights, outputs.pace, pace)
-    return Motion(weights @ outputs.level, pace, rise)
+    between = None if outputs.between is None else weights @ outputs.between
+    return Motion(weights @ outputs.level, pace, rise, between)
 
 
 def _combined_pace(weights: Float[Array, " depth"], outputs: Pace, newest: Pace) -> Pace:
@@ -208,7 +217,28 @@ def _motion_of(compressor: Compressor, known: tuple, even: bool) -> Motion:
     """The motion of cycle and orbit that have been found."""
     cycle, orbit = known
     rise = rise_after(compressor, _with_cycle(orbit, cycle), first_rise(compressor))
-    return _motion_after(compressor, cycle, orbit, even, rise)
+    between = jnp.log(cycle.interstage_pressures) if _seeks_pressures(compressor) else None
+    return _motion_after(compressor, cycle, orbit, even, rise)._replace(between=between)
+
+
+def _seeks_pressures(compressor: Compressor) -> bool:
+    """Whether the flows of stages decide the pressures between them."""
+    gas = compressor.gas
+    assert isinstance(gas, Cylinder)
+    return bool(gas.later_stages) and gas.interstage_pressure is None
+
+
+def _between_after(cycle, between: Float[Array, " s"]) -> Float[Array, " s"]:
+    """Logarithms of the pressures between stages after a revolution at others.
+
+    A stage draws about in proportion to the pressure before it: the pressure rises by the share by which
+    the stage before delivers more. Where a stage delivers nothing the pressure goes on as far as a factor
+    of two.
+    """
+    flow = cycle.flow_of_stages
+    least = 1e-9 * jnp.max(cycle.each.case.mass_scale)
+    change = jnp.diff(-jnp.log(jnp.maximum(flow, least)))
+    return between + jnp.clip(change, -jnp.log(2.0), jnp.log(2.0))
 
 
 def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise) -> Motion:
@@ -249,11 +279,17 @@ def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
     """A step, with the cycle of a compressor at a speed by `cycle_of`."""
     rise = None if motion.rise is None else _KELVINS * motion.rise
     here = at_rise(compressor, rise)
+    if motion.between is not None:
+        gas = replaced(here.gas, interstage_pressure=jnp.exp(motion.between))
+        here = replaced(here, gas=gas)
     cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
     orbit = _orbit_of(here, cycle, solver)
     new = rise_after(compressor, _with_cycle(orbit, cycle), rise)
     even = motion.pace is None
-    return _motion_after(compressor, cycle, orbit, even, new), (cycle, orbit)
+    moved = _motion_after(compressor, cycle, orbit, even, new)
+    if motion.between is not None:
+        moved = moved._replace(between=_between_after(cycle, motion.between))
+    return moved, (cycle, orbit)
 
 
 @_coupled.def_jvp

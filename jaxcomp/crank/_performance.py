@@ -160,7 +160,13 @@ def _heat(
     """
     case = cycle.case
     law = law_of(compressor)
-    gained = cycle.totals.discharge_heat - cycle.totals.discharge * case.comes.h
+    coolers = {}
+    if isinstance(cycle, SeveralCycles) and cycle.stages:
+        cooled = cycle.cooler_heat
+        gained = _over_suction(cycle, "discharge_heat", "discharge") - cooled
+        coolers = {"coolers": cooled * cycle.frequency}
+    else:
+        gained = cycle.totals.discharge_heat - cycle.totals.discharge * case.comes.h
     refrigerant = gained * cycle.frequency
     if law is None:
         warmed = cycle.mass_flow * (case.suction.h - case.comes.h)
@@ -172,7 +178,15 @@ def _heat(
     return {
         "refrigerant": refrigerant,
         "surroundings": loss + from_gas * cycle.frequency - warmed,
+        **coolers,
     }
+
+
+def _over_suction(cycle: SeveralCycles, heat: str, mass: str) -> Float[Array, ""]:
+    """[J] Enthalpy of the gas of an account over that which its stage draws, of all stages."""
+    totals = cycle.each.totals
+    drawn = cycle.each.case.suction.h
+    return jnp.sum(getattr(totals, heat) - getattr(totals, mass) * drawn)
 
 
 def returned_heat(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
@@ -188,6 +202,8 @@ def returned_heat(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
 
 def _heat_of_leakage(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
     """[J] Enthalpy of the gas that leaks past the piston, over that with which it is drawn again."""
+    if isinstance(cycle, SeveralCycles) and cycle.stages:
+        return _over_suction(cycle, "leakage_heat", "leakage")
     return cycle.totals.leakage_heat - cycle.totals.leakage * cycle.case.suction.h
 
 
@@ -196,4 +212,6 @@ def _heat_of_back_flow(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
 
     With plenums, less what their gas takes from the wall or is held at a temperature by.
     """
+    if isinstance(cycle, SeveralCycles) and cycle.stages:
+        return -_over_suction(cycle, "suction_heat", "suction")
     return cycle.totals.suction * cycle.case.suction.h - cycle.totals.suction_heat

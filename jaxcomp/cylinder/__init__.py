@@ -20,5 +20,7 @@ from .heat.liu_zhou import LiuZhou as LiuZhou
 from .heat.todescat import Todescat as Todescat
 from .heat.woschni import Woschni as Woschni
 from .laminar_gap import LaminarGap as LaminarGap
+from .stage import Intercooler as Intercooler
+from .stage import Stage as Stage
 from .suction_warming import SuctionWarming as SuctionWarming
 from .wall_network import WallNetwork as WallNetwork

@@ -24,6 +24,7 @@ from ._plenum import Plenum
 from .crank_end import CrankEnd
 from .heat._base import AbstractHeat
 from .laminar_gap import LaminarGap
+from .stage import Stage
 from .wall_network import WallNetwork
 
 # [K] by which a temperature may pass saturation: pressures of saturated gas are given with few digits.
@@ -51,6 +52,11 @@ class Cylinder(AbstractGas):
         walls: conductances that decide the wall's temperature; `wall_temperature` holds if absent.
         crank_end: compression on the rod's side of the piston as well; single-acting if absent. The
             entries of the cylinder are then those of its head end.
+        later_stages: behind the first one, whose cylinders are these. `discharge` is the line behind
+            the last; the pressures between follow from the flows.
+        stage_of_cylinder: number of the stage, from 1, of every cylinder; in their order if absent.
+        interstage_pressure: [Pa] in the suction line of every later stage, where it is held by
+            something else; found if absent.
 
         reference: what evaporating and condensing temperatures are of a blend with glide: those of the
             "dew" points, or "mean" ones of evaporator (behind the expansion valve and dew point) and
@@ -60,8 +66,8 @@ class Cylinder(AbstractGas):
     Raises:
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
             evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
-            a double-acting cylinder; piping beside plenums of the same line, with quasi-steady ports or
-            with a crank end.
+            a double-acting or staged cylinder; piping beside plenums of the same line, with quasi-steady
+            ports, with a crank end or stages; lines of a rating point between stages.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -84,13 +90,24 @@ class Cylinder(AbstractGas):
     leakage: LaminarGap | None = None
     walls: WallNetwork | None = None
     crank_end: CrankEnd | None = None
+    later_stages: tuple[Stage, ...] = ()
+    stage_of_cylinder: tuple[int, ...] = eqx.field(static=True, default=())
+    interstage_pressure: Float[Array, " s"] | None = quantity(
+        "Pa",
+        POSITIVE,
+        shape=(None,),
+        default=None,
+        doc="in the suction line of every later stage, where something holds it; found if absent",
+    )
+
     reference: Literal["dew", "mean"] = eqx.field(static=True, default="dew")
 
     def __check_init__(self):
         self._check_reference()
-        if self.walls is not None and self.crank_end is not None:
-            bound = "absent with a crank_end: give wall_temperature"
+        if self.walls is not None and (self.crank_end is not None or self.later_stages):
+            bound = "absent with a crank_end or later_stages: give wall_temperature"
             raise BadInput("walls", "given", bound)
+        _check_stages(self)
         if self.walls is not None:
             if self.heat is None:
                 raise ValueError("`walls` need a `heat`, by which the gas reaches them.")
@@ -194,8 +211,22 @@ class Cylinder(AbstractGas):
 
     @property
     def rod_diameter(self) -> Float[Array, ""] | None:
-        """[m] of the piston rod; `None` of a single-acting cylinder."""
-        return None if self.crank_end is None else self.crank_end.rod_diameter
+        """[m] of the piston rod, of stages those of all cylinders; `None` of single-acting ones."""
+        if self.crank_end is None:
+            return None
+        if not self.later_stages:
+            return self.crank_end.rod_diameter
+        ends = [self.stage(number).crank_end for number in self.stages]
+        return jnp.stack([jnp.zeros(()) if end is None else end.rod_diameter for end in ends])
+
+    @property
+    def stages(self) -> tuple[int, ...]:
+        """Number of the stage, from 1, of every cylinder."""
+        return self.stage_of_cylinder or tuple(range(1, len(self.later_stages) + 2))
+
+    def stage(self, number: int) -> "Cylinder | Stage":
+        """Part with the valves and ends of a stage, from 1."""
+        return self if number == 1 else self.later_stages[number - 2]
 
     @property
     def plenums(self) -> tuple[Plenum, ...]:
@@ -205,11 +236,48 @@ class Cylinder(AbstractGas):
     @property
     def inert(self) -> bool:
         """Whether the gas in all ports has inertia, so that reversals are events."""
-        valves = self.valves
-        if self.crank_end is not None:
-            both = self.crank_end.suction_valve, self.crank_end.discharge_valve
-            valves += tuple(valve for valve in both if valve is not None)
-        return all(valve.port_length is not None for valve in valves)
+        valves = []
+        for stage in (self, *self.later_stages):
+            for end in (stage, stage.crank_end):
+                if end is not None:
+                    valves += [end.suction_valve, end.discharge_valve]
+        return all(valve.port_length is not None for valve in valves if valve is not None)
+
+
+def _check_stages(cylinder: Cylinder) -> None:
+    """That later stages go with the lines and ends of the first."""
+    if not cylinder.later_stages:
+        for name in ("stage_of_cylinder", "interstage_pressure"):
+            value = getattr(cylinder, name)
+            if value is not None and value != ():
+                raise BadInput(name, str(value), "absent without later_stages")
+        return
+    count = len(cylinder.later_stages) + 1
+    if set(cylinder.stages) != set(range(1, count + 1)):
+        bound = f"numbers from 1 to {count}, each of them at least once"
+        raise BadInput("stage_of_cylinder", str(cylinder.stage_of_cylinder), bound)
+    pressures = cylinder.interstage_pressure
+    if pressures is not None and pressures.shape != (count - 1,):
+        raise BadInput("interstage_pressure", pressures, f"{count - 1}, one for each later stage")
+    _check_staged_lines(cylinder)
+    for number, stage in enumerate(cylinder.later_stages):
+        if (stage.crank_end is None) != (cylinder.crank_end is None):
+            bound = "given in every stage or in none"
+            raise BadInput(f"later_stages.{number}.crank_end", "given or absent", bound)
+        if stage.heat is not None and stage.wall_temperature is None:
+            where = f"later_stages.{number}.wall_temperature"
+            raise BadInput(where, "absent", "given where there is heat transfer")
+
+
+def _check_staged_lines(cylinder: Cylinder) -> None:
+    """That the lines of a staged machine say nothing of a refrigerating cycle."""
+    for line, names in (
+        ("suction", ("heating", "warming")),
+        ("discharge", ("temperature", "subcooling", "liquid_temperature")),
+    ):
+        for name in names:
+            if getattr(getattr(cylinder, line), name) is not None:
+                raise BadInput(f"{line}.{name}", "given", "absent with later_stages")
 
 
 class _Limit(NamedTuple):
@@ -362,15 +430,25 @@ def _critical(fluid: AbstractRealGas) -> str:
 
 def ports_fit(cylinder: Cylinder, mechanism: AbstractMechanism) -> tuple[Bool[Array, "*k"], ...]:
     """Whether the ports of suction and discharge valve are narrower than the piston, less its rod."""
-    area = mechanism.piston_area
-    crank_end = cylinder.crank_end
-    if crank_end is None:
-        return tuple(valve.port_area < area for valve in cylinder.valves)
-    around = area - jnp.pi / 4 * crank_end.rod_diameter**2
-    at_crank = crank_end.suction_valve, crank_end.discharge_valve
+    if not cylinder.later_stages:
+        return _ports_of_stage(cylinder, mechanism.piston_area)
+    areas = jnp.broadcast_to(mechanism.piston_area, (len(cylinder.stages),))
+    pairs = [
+        _ports_of_stage(cylinder.stage(stage), area)
+        for stage, area in zip(cylinder.stages, areas, strict=True)
+    ]
+    return tuple(jnp.stack(fits) for fits in zip(*pairs, strict=True))
+
+
+def _ports_of_stage(stage: Cylinder | Stage, area) -> tuple[Bool[Array, "*k"], ...]:
+    valves = stage.suction_valve, stage.discharge_valve
+    if stage.crank_end is None:
+        return tuple(valve.port_area < area for valve in valves)
+    around = area - jnp.pi / 4 * stage.crank_end.rod_diameter**2
+    at_crank = stage.crank_end.suction_valve, stage.crank_end.discharge_valve
     return tuple(
         (valve.port_area < area) & ((other or valve).port_area < around)
-        for valve, other in zip(cylinder.valves, at_crank, strict=True)
+        for valve, other in zip(valves, at_crank, strict=True)
     )
 
 
@@ -489,9 +567,10 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         speed: [rad/s] mean speed of the crank.
         pace: how unevenly the revolution passes; constant speed if absent.
     """
-    if cylinder.crank_end is not None:
-        bound = "absent here, where one end is solved: `solve_orbit` solves both, at any speed"
-        raise BadInput("gas.crank_end", "given", bound)
+    for name in ("crank_end", "later_stages"):
+        if getattr(cylinder, name):
+            bound = "absent here, where one end is solved: `solve_orbit` solves all, at any speed"
+            raise BadInput(f"gas.{name}", "given", bound)
     cylinder = cylinder.by_dew_points()
     if cylinder.suction.warming is not None:
         bound = (

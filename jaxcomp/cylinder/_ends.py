@@ -1,5 +1,6 @@
 """The ends of the cylinders of a machine, each a cylinder of its own, and which of them touch."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from ..mechanism import AbstractMechanism
 from ._cylinder import Cylinder
 from ._piston_end import PistonEnd
 from .laminar_gap import LaminarGap
+from .stage import Stage
 
 
 class Grouping(NamedTuple):
@@ -39,13 +41,17 @@ class Grouping(NamedTuple):
 
 def has_ends(cylinder: Cylinder) -> bool:
     """Whether the gas is solved by the ends of the cylinders."""
-    return cylinder.crank_end is not None
+    return cylinder.crank_end is not None or bool(cylinder.later_stages)
 
 
 def grouping(cylinder: Cylinder, count: int) -> Grouping:
     """Which ends of so many cylinders are solved together."""
     sides = 1 if cylinder.crank_end is None else 2
     ends = sides * count
+    if cylinder.later_stages:
+        # Every cylinder has plenums of its own.
+        touching = bool(cylinder.plenums) or cylinder.leakage is not None
+        return Grouping(ends, sides, count if touching else ends)
     if cylinder.plenums:
         return Grouping(ends, sides, 1)
     return Grouping(ends, sides, ends if cylinder.leakage is None or sides == 1 else count)
@@ -71,12 +77,14 @@ class Ends(eqx.Module):
         pistons: the motion in every end, likewise.
         phase: [rad] (k,) own crank angle of each less that of the crank.
         grouping: which are solved together.
+        stages: number of the stage of each, from 1; empty where there is one.
     """
 
     cylinders: Cylinder
     pistons: PistonEnd
     phase: Float[Array, " k"]
     grouping: Grouping = eqx.field(static=True)
+    stages: tuple[int, ...] = eqx.field(static=True, default=())
 
     def grouped(self) -> "Ends":
         """Ends with axes of groups and of the ends of each."""
@@ -96,18 +104,73 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
         mechanisms: the linkage of every cylinder.
         phase: [rad] own crank angle of every cylinder less that of the crank.
     """
+    stages = cylinder.stages if cylinder.later_stages else (1,) * len(mechanisms)
+    of_stages = between_lines(cylinder)
     cylinders = []
     pistons = []
-    for mechanism in mechanisms:
-        for gas_side, piston in _ends_of_cylinder(cylinder, mechanism):
+    for mechanism, stage in zip(mechanisms, stages, strict=True):
+        for gas_side, piston in _ends_of_cylinder(of_stages[stage - 1], mechanism):
             cylinders.append(gas_side)
             pistons.append(piston)
     _check_kinds(cylinders)
+    kinds = grouping(cylinder, len(mechanisms))
+    of_ends = tuple(stage for stage in stages for _ in range(kinds.sides))
     return Ends(
         stacked(cylinders),
         stacked(pistons),
         phase_of_ends(cylinder, phase),
-        grouping(cylinder, len(mechanisms)),
+        kinds,
+        of_ends if cylinder.later_stages else (),
+    )
+
+
+def between_lines(cylinder: Cylinder) -> list[Cylinder]:
+    """The gas side of every stage between its own lines, at the pressures that stand between them."""
+    if not cylinder.later_stages:
+        return [cylinder]
+    assert cylinder.interstage_pressure is not None
+    coolers = [stage.cooler for stage in cylinder.later_stages]
+    first = cylinder.suction.state(cylinder.fluid)
+    last = cylinder.discharge.states(cylinder.fluid, first)[0]
+    suctions = [(first.p, first.T, cylinder.suction.plenums)]
+    discharges = []
+    for cooler, pressure in zip(coolers, cylinder.interstage_pressure, strict=True):
+        suctions.append((pressure, cooler.outlet_temperature, cooler.behind))
+        discharges.append((pressure + cooler.pressure_drop, cooler.before))
+    discharges.append((last.p, cylinder.discharge.plenums))
+    stages = [cylinder, *cylinder.later_stages]
+    return [
+        _between(cylinder, *entries) for entries in zip(stages, suctions, discharges, strict=True)
+    ]
+
+
+def _between(cylinder: Cylinder, stage: Cylinder | Stage, suction, discharge) -> Cylinder:
+    """A stage as a cylinder between its lines."""
+    pressure, temperature, plenums = suction
+    line_before = rebuilt(
+        cylinder.suction,
+        pressure=pressure,
+        temperature=temperature,
+        evaporating=None,
+        superheat=None,
+        plenums=plenums,
+    )
+    pressure, plenums = discharge
+    line_behind = rebuilt(cylinder.discharge, pressure=pressure, condensing=None, plenums=plenums)
+    return rebuilt(
+        cylinder,
+        suction=line_before,
+        discharge=line_behind,
+        suction_valve=stage.suction_valve,
+        discharge_valve=stage.discharge_valve,
+        clearance_ratio=stage.clearance_ratio,
+        wall_temperature=stage.wall_temperature,
+        heat=stage.heat,
+        leakage=stage.leakage,
+        crank_end=stage.crank_end,
+        later_stages=(),
+        stage_of_cylinder=(),
+        interstage_pressure=None,
     )
 
 
@@ -116,7 +179,9 @@ def _ends_of_cylinder(
 ) -> list[tuple[Cylinder, PistonEnd]]:
     """Gas side and motion of each end."""
     crank_end = cylinder.crank_end
-    assert crank_end is not None
+    if crank_end is None:
+        none = jnp.zeros(())
+        return [(cylinder, _piston_end(mechanism, 1.0, none, none, None))]
     # The gap past the piston lies between the ends; what leaves them is past the packing.
     rings = cylinder.leakage
     packing = crank_end.packing
@@ -144,9 +209,36 @@ def _piston_end(mechanism, sense: float, rod, ambient, rings: LaminarGap | None)
 
 def _check_kinds(cylinders: list[Cylinder]) -> None:
     """That the ends have parts of the same kinds, of which one program solves all."""
-    for name in ("suction_valve", "discharge_valve"):
-        kinds = {jax.tree.structure(getattr(end, name)) for end in cylinders}
-        if len(kinds) > 1:
-            types = ", ".join(dict.fromkeys(getattr(end, name).kind for end in cylinders))
-            bound = "the same kind and the same optional entries as that of the head end"
-            raise BadInput(f"gas.crank_end.{name}", types, bound)
+    for field in dataclasses.fields(Cylinder):
+        parts = [getattr(end, field.name) for end in cylinders]
+        if len({jax.tree.structure(part) for part in parts}) > 1:
+            words = ", ".join(dict.fromkeys(getattr(part, "kind", "none") for part in parts))
+            bound = "the same kind, with the same optional entries, at all ends and in all stages"
+            raise BadInput(f"gas.{field.name}", words, bound)
+
+
+def guessed_pressures(cylinder: Cylinder, mechanisms) -> Float[Array, " s"]:
+    """[Pa] In the suction lines of the later stages, by the swept volumes alone.
+
+    Args:
+        cylinder: with later stages.
+        mechanisms: the linkage of every cylinder.
+    """
+    swept = [jnp.zeros(()) for _ in range(len(cylinder.later_stages) + 1)]
+    for mechanism, stage in zip(mechanisms, cylinder.stages, strict=True):
+        area = mechanism.piston_area
+        end = cylinder.stage(stage).crank_end
+        if end is not None:
+            area = 2 * area - jnp.pi / 4 * end.rod_diameter**2
+        swept[stage - 1] = swept[stage - 1] + area * mechanism.stroke
+    first = cylinder.suction.state(cylinder.fluid)
+    last = cylinder.discharge.states(cylinder.fluid, first)[0]
+    pressures = []
+    for number, stage in enumerate(cylinder.later_stages, 1):
+        ratio = swept[0] / swept[number] * stage.cooler.outlet_temperature / first.T
+        # Between the lines, with something left for every stage.
+        share = jnp.clip(jnp.log(ratio) / jnp.log(last.p / first.p), 0.0, 1.0)
+        even = number / len(swept)
+        share = jnp.clip(share, 0.5 * even, 0.5 * (1 + even))
+        pressures.append(first.p * (last.p / first.p) ** share)
+    return jnp.stack(pressures)

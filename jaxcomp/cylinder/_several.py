@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._core.fields import replaced
@@ -24,6 +25,10 @@ def _combined(combine, name: str, doc: str) -> Any:
     def read(self):
         each = jax.vmap(lambda cycle: getattr(cycle, name))(self.each)
         swept = self.each.case.swept
+        if self.stages and combine in (_delivery, _mean):
+            counts = self.of_stage(1 if combine is _mean else max(self.stages))
+            swept = swept[counts]
+            each = jax.tree.map(lambda x: x[counts], each)
         return jax.tree.map(lambda x: combine(x, swept), each)
 
     return property(read, doc=doc)
@@ -32,6 +37,11 @@ def _combined(combine, name: str, doc: str) -> Any:
 def _sum(values, swept):
     del swept
     return jnp.sum(values, axis=0)
+
+
+def _delivery(values, swept):
+    """Sum over the cylinders that deliver: of several stages the last."""
+    return _sum(values, swept)
 
 
 def _largest(values, swept):
@@ -63,19 +73,22 @@ class SeveralCycles(Result, eqx.Module):
         sides: ends of every cylinder: 2 of double-acting ones, whose cycles are those of head end and
             crank end in turn, each by its own crank angle.
         pulsation: in these pipes; `None` without any.
+        stages: number of the stage of every cycle, from 1; empty where there is one. What is delivered
+            is what the last one delivers, and volumes are those of the first.
     """
 
     each: Cycle
     together: Any = None
     sides: int = eqx.field(static=True, default=1)
     pulsation: Pulsation | None = None
+    stages: tuple[int, ...] = eqx.field(static=True, default=())
 
     table_dims: ClassVar[tuple[str, ...]] = ()
 
     totals = _combined(_sum, "totals", "[kg] and [J] over the revolution, of all.")
-    delivered = _combined(_sum, "delivered", "[kg] a revolution.")
-    mass_flow = _combined(_sum, "mass_flow", "[kg/s] delivered.")
-    capacity = _combined(_sum, "capacity", "[W] cooling capacity.")
+    delivered = _combined(_delivery, "delivered", "[kg] a revolution.")
+    mass_flow = _combined(_delivery, "mass_flow", "[kg/s] delivered.")
+    capacity = _combined(_delivery, "capacity", "[W] cooling capacity.")
     indicated_work = _combined(_sum, "indicated_work", "[J] put into the gas in a revolution.")
     indicated_power = _combined(_sum, "indicated_power", "[W]")
     work_losses = _combined(
@@ -109,6 +122,41 @@ class SeveralCycles(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         yield from whole_cycle(self)
+
+    def of_stage(self, number: int) -> np.ndarray:
+        """Places of the cycles of a stage, from 1."""
+        stages = self.stages or (1,) * self.each.residual.shape[0]
+        return np.flatnonzero(np.array(stages) == number)
+
+    @property
+    def flow_of_stages(self) -> Float[Array, " s"]:
+        """[kg] a revolution that every stage delivers."""
+        delivered = self.each.totals.discharge
+        flows = [jnp.sum(delivered[self.of_stage(n)]) for n in range(1, max(self.stages) + 1)]
+        return jnp.stack(flows)
+
+    @property
+    def interstage_pressures(self) -> Float[Array, " s"]:
+        """[Pa] In the suction line of every later stage."""
+        line = self.each.case.suction.p
+        later = range(2, max(self.stages) + 1)
+        return jnp.stack([line[self.of_stage(n)[0]] for n in later])
+
+    @property
+    def pressure_behind_stages(self) -> dict[str, Float[Array, ""]]:
+        """[Pa] In the line behind the cooler of every stage but the last, by its number."""
+        return {str(n): p for n, p in enumerate(self.interstage_pressures, 1)}
+
+    @property
+    def cooler_heat(self) -> Float[Array, ""]:
+        """[J] that the coolers take from the gas in a revolution."""
+        totals = self.each.totals
+        heat = jnp.zeros(())
+        for number in range(1, max(self.stages)):
+            stage = self.of_stage(number)
+            cooled = self.each.case.suction.h[self.of_stage(number + 1)[0]]
+            heat += jnp.sum(totals.discharge_heat[stage] - totals.discharge[stage] * cooled)
+        return heat
 
     @property
     def first(self) -> Cycle:
@@ -147,8 +195,9 @@ class SeveralCycles(Result, eqx.Module):
     @property
     def discharge_temperature(self) -> Float[Array, ""]:
         """[K] of the gas delivered, mixed at the pressure of the line."""
-        first = self.first
-        both = (self.totals.discharge_heat, self.delivered)
+        last = self.of_stage(max(self.stages, default=1))
+        first = jax.tree.map(lambda leaf: leaf[last[0]], self.each)
+        both = (jnp.sum(self.each.totals.discharge_heat[last]), self.delivered)
         mixed = eqx.tree_at(lambda c: (c.totals.discharge_heat, c.totals.discharge), first, both)
         return mixed.discharge_temperature
 
@@ -174,4 +223,8 @@ class SeveralCycles(Result, eqx.Module):
             count = ends // groups
             own = [gas.edges[i, 1 + i % count :: count] for i in range(ends)]
             gas = replaced(gas, kinks=jnp.stack(own))
+        if self.stages:
+            # The crankcase has the gas that the first stage draws.
+            crankcase = gas.back_pressure[self.of_stage(1)[0]]
+            gas = replaced(gas, back_pressure=jnp.full_like(gas.back_pressure, crankcase))
         return gas if self.sides == 1 else ends_under(gas, self.each.case.mechanism)

@@ -360,7 +360,7 @@ def _of_ends(solve: Callable, ends: Ends, speed, pace, start) -> SeveralCycles:
     else:
         cycles = solve(ends, speed, pace, start)
     together = cycles.together if grouping.together > 1 else None
-    return SeveralCycles(cycles.each, together, grouping.sides)
+    return SeveralCycles(cycles.each, together, grouping.sides, stages=ends.stages)
 
 
 def _system_of_ends(ends: Ends, speed, pace) -> Cylinders:

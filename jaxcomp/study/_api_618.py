@@ -170,7 +170,9 @@ def _ends(
         ends = _ends_with_valves(orbit.cycle)
     else:
         return {}
-    stages = given.stages if isinstance(given, StagedCycle) else 1
+    stages = 1
+    if isinstance(given, StagedCycle) or (isinstance(given, Cylinder) and given.later_stages):
+        stages = given.stages
     return {
         name: _of_cylinders(compressor, {"stage": jnp.asarray(stages, float), **columns})
         for name, columns in ends.items()
