@@ -21,6 +21,7 @@ def run(
     cycle: opt.CycleOption = None,
     verify: bool = False,
     moving_films: bool = False,
+    load_steps: bool = False,
     step: float | None = None,
     output: Output,
 ) -> None:
@@ -34,6 +35,7 @@ def run(
         verify: March one revolution from the result with diffrax, independently, and print the errors
             that it finds; always done with --out.
         moving_films: Show as well what the journals with steady films would do if they moved.
+        load_steps: Solve the machine at each of its load steps as well: flow, power, rod loads, reversal.
         step (DEGREES): Of the crank angle in curves.csv, from -180 to 180, e.g. 1; at the nodes of the
             solver if absent.
     """
@@ -53,6 +55,8 @@ def run(
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
         found = _solved(scene, method, verify or output.out is not None, moving_films, output)
+        if load_steps:
+            found = dataclasses.replace(found, load_steps=jc.study.load_steps(scene, method))
     output.emit(
         found,
         lambda whole: run_tables(scene, whole),

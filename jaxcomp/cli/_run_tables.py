@@ -32,6 +32,8 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
         yield _reversals(result["rod_load_reversal"])
     if result.get("api_618", {}).get("crosshead"):
         yield from _api_618(result["api_618"])
+    if "load_steps" in result:
+        yield _load_steps(result["load_steps"]["steps"])
     if result.get("film_thickness"):
         yield _journal_films(result)
     yield _convergence(result)
@@ -266,6 +268,29 @@ def _rod_loads(throws: list[dict[str, Any]]):
     ]
     reversal = (("Rod reversal, ° min. at x-hd pin", ".4g"), ("Smaller side, %", ".3g"))
     return row_table("API 618, rod load, kN", ("Throw", *heads, *reversal), rows)
+
+
+def _load_steps(steps: list[dict[str, Any]]):
+    """Flow, power, torque, rod loads and temperature at every load step."""
+    rows = [
+        (
+            step["name"],
+            1e3 * step["mass_flow"],
+            100 * step["flow_share"],
+            step["shaft_power"] / 1e3,
+            step["mean_torque"],
+            step["rod_compression"] / 1e3,
+            step["rod_tension"] / 1e3,
+            math.degrees(step["reversal_angle"]),
+            100 * step["reversal_share"],
+            step["discharge_temperature"] - ZERO_CELSIUS,
+        )
+        for step in steps
+    ]
+    numbers = (("Flow, g/s", ".4g"), ("Of full, %", ".4g"), ("Shaft, kW", ".4g"))
+    numbers += (("Torque, N m", ".4g"), ("Rod comp., kN", ".4g"), ("Rod tens., kN", ".4g"))
+    numbers += (("Reversal, °", ".4g"), ("Smaller side, %", ".3g"), ("Hottest end, °C", ".4g"))
+    return row_table("Load steps", ("Step", *numbers), rows)
 
 
 def _journal_films(result: dict[str, Any]):

@@ -34,6 +34,7 @@ from ..cylinder.interface import (
     account_scales,
     chains,
     first_states,
+    one_end,
     prepare,
     stretch,
     temperature_and_density,
@@ -274,6 +275,7 @@ def _crank(compressor: Compressor, at, pressure, motor_on):
 def _system(compressor: Compressor) -> Cylinders:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
+    one_end(gas)
     mechanisms = mechanisms_of(compressor)
     speed = compressor.motor.speed_guess
 

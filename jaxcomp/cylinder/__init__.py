@@ -20,6 +20,8 @@ from .heat.liu_zhou import LiuZhou as LiuZhou
 from .heat.todescat import Todescat as Todescat
 from .heat.woschni import Woschni as Woschni
 from .laminar_gap import LaminarGap as LaminarGap
+from .load_step import ClearancePocket as ClearancePocket
+from .load_step import LoadStep as LoadStep
 from .stage import Intercooler as Intercooler
 from .stage import Stage as Stage
 from .suction_warming import SuctionWarming as SuctionWarming

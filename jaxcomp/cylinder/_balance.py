@@ -21,7 +21,7 @@ from jaxtyping import Array, Float, Int
 
 from .._core.each import mapped
 from ..fluid import GasState
-from ..valve import AbstractValve
+from ..valve import AbstractValve, Oscillator
 from ..valve.interface import Side, choose, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._plenum import PlenumChain, valve_sides
@@ -157,7 +157,7 @@ def rates(
     walls = cylinder.walls if speed is None else None
     wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
 
-    valves = _valves(case, (before, inside, behind), state[2:STATES], flags, pace)
+    valves = _valves(case, (before, inside, behind), state[2:STATES], flags, pace, angle)
     transport = _transport(cylinder, gas)
     # the sign of the suction valve's difference, where that is the one to the line
     follows = cylinder.inert and pair is None and lines is None
@@ -235,7 +235,7 @@ def _accounts(
     )
 
 
-def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace) -> _Valves:
+def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace, angle) -> _Valves:
     """Motion and flows of the valves between the gas before, in and behind the cylinder.
 
     Valves of one kind are two entries of one law, which programs then have once.
@@ -245,11 +245,11 @@ def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace) -> 
     # the sign of the suction's difference is that of the leakage as well, with the valve shut too
     known_shut = jnp.array([case.cylinder.leakage is not None, False])
     given = a, b, states.reshape(2, 3), flags.reshape(2, 3), known_shut
-    return mapped(partial(_valve, case, pace), case.cylinder.valves, *given)
+    return mapped(partial(_valve, case, pace, angle), case.cylinder.valves, *given)
 
 
 def _valve(
-    case: Case, pace, valve: AbstractValve, a: Side, b: Side, state, flags, known_shut
+    case: Case, pace, angle, valve: AbstractValve, a: Side, b: Side, state, flags, known_shut
 ) -> _Valves:
     """Motion and flow of one valve: its entries of `_Valves`."""
     x, v, u = state
@@ -268,8 +268,7 @@ def _valve(
         is_open = 1.0 * (mode > SEAT)
         place = jnp.where(free, x, 1.0 * (mode == STOP))
         area = valve.force_area(place * lift)
-        spring = moving.stiffness * (place * lift + moving.preload)
-        push = area * (a.p - b.p) - spring
+        push = _push(valve, moving, place * lift, area * (a.p - b.p), angle)
         # decides whether the valve rests: without the damping, which ends with the motion
         force = push / (area * case.suction.p)
         slowing = moving.damping
@@ -303,6 +302,13 @@ def _valve(
     enthalpy = jnp.where(forward, a.h, b.h)
     rates = jnp.stack([x_1, v_1, u_1])
     return _Valves(flow, enthalpy, rates, jnp.stack(events), force, is_open)
+
+
+def _push(valve: AbstractValve, moving: Oscillator, lift, by_gas, angle) -> Float[Array, ""]:
+    """[N] On the plate towards its stop, without what slows it: gas, spring and unloader."""
+    push = by_gas - moving.stiffness * (lift + moving.preload)
+    unloader = getattr(valve, "unloader", None)
+    return push if unloader is None else push + unloader.force_at(angle)
 
 
 def _leakage(case: Case, inside: Side, suction: Side, inward, transport):

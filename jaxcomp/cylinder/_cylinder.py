@@ -24,6 +24,7 @@ from ._plenum import Plenum
 from .crank_end import CrankEnd
 from .heat._base import AbstractHeat
 from .laminar_gap import LaminarGap
+from .load_step import ClearancePocket, LoadStep
 from .stage import Stage
 from .wall_network import WallNetwork
 
@@ -55,6 +56,11 @@ class Cylinder(AbstractGas):
         later_stages: behind the first one, whose cylinders are these. `discharge` is the line behind
             the last; the pressures between follow from the flows.
         stage_of_cylinder: number of the stage, from 1, of every cylinder; in their order if absent.
+        pocket: of the head end; none if absent.
+        unloaded: [-] (e,) share of the force with which the unloader of every end's suction valve acts,
+            cylinder after cylinder, head before crank end; none if absent.
+        pockets: [-] (e,) share of every end's pocket that is open; none if absent.
+        load_steps: settings of `unloaded` and `pockets` by name, for `study.load_steps`.
         interstage_pressure: [Pa] in the suction line of every later stage, where it is held by
             something else; found if absent.
 
@@ -92,6 +98,22 @@ class Cylinder(AbstractGas):
     crank_end: CrankEnd | None = None
     later_stages: tuple[Stage, ...] = ()
     stage_of_cylinder: tuple[int, ...] = eqx.field(static=True, default=())
+    pocket: ClearancePocket | None = None
+    unloaded: Float[Array, " e"] | None = quantity(
+        "",
+        Bound(0.0, 1.0),
+        shape=(None,),
+        default=None,
+        doc="share of the unloader's force, of every end: head before crank end",
+    )
+    pockets: Float[Array, " e"] | None = quantity(
+        "",
+        Bound(0.0, 1.0),
+        shape=(None,),
+        default=None,
+        doc="open share of the pocket, of every end: head before crank end",
+    )
+    load_steps: tuple[LoadStep, ...] = ()
     interstage_pressure: Float[Array, " s"] | None = quantity(
         "Pa",
         POSITIVE,
@@ -108,6 +130,7 @@ class Cylinder(AbstractGas):
             bound = "absent with a crank_end or later_stages: give wall_temperature"
             raise BadInput("walls", "given", bound)
         _check_stages(self)
+        _check_capacity_control(self)
         if self.walls is not None:
             if self.heat is None:
                 raise ValueError("`walls` need a `heat`, by which the gas reaches them.")
@@ -267,6 +290,34 @@ def _check_stages(cylinder: Cylinder) -> None:
         if stage.heat is not None and stage.wall_temperature is None:
             where = f"later_stages.{number}.wall_temperature"
             raise BadInput(where, "absent", "given where there is heat transfer")
+
+
+def _check_capacity_control(cylinder: Cylinder) -> None:
+    """That settings of ends go with the unloaders and pockets that there are."""
+    ends = [end for stage in (cylinder, *cylinder.later_stages) for end in (stage, stage.crank_end)]
+    valves = [getattr(end, "discharge_valve", None) for end in ends]
+    if any(getattr(valve, "unloader", None) is not None for valve in valves):
+        raise BadInput(
+            "discharge_valve.unloader", "given", "absent: unloaders act on suction valves"
+        )
+    steps = {f"load_steps.{n}.": step for n, step in enumerate(cylinder.load_steps)}
+    for where, settings in {"": cylinder, **steps}.items():
+        unloads = settings.unloaded is not None
+        if unloads and not any(_unloader_of(end) is not None for end in ends):
+            bound = "absent without a suction_valve.unloader"
+            raise BadInput(f"{where}unloaded", settings.unloaded, bound)
+        opens = settings.pockets is not None
+        if opens and all(getattr(end, "pocket", None) is None for end in ends):
+            raise BadInput(f"{where}pockets", settings.pockets, "absent without a pocket")
+    names = [step.name for step in cylinder.load_steps]
+    for name in names:
+        if names.count(name) > 1:
+            raise BadInput("load_steps.name", name, "another name for every step")
+
+
+def _unloader_of(end: Any) -> Any:
+    """The unloader of the suction valve of an end."""
+    return getattr(getattr(end, "suction_valve", None), "unloader", None)
 
 
 def _check_staged_lines(cylinder: Cylinder) -> None:
@@ -567,10 +618,6 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         speed: [rad/s] mean speed of the crank.
         pace: how unevenly the revolution passes; constant speed if absent.
     """
-    for name in ("crank_end", "later_stages"):
-        if getattr(cylinder, name):
-            bound = "absent here, where one end is solved: `solve_orbit` solves all, at any speed"
-            raise BadInput(f"gas.{name}", "given", bound)
     cylinder = cylinder.by_dew_points()
     if cylinder.suction.warming is not None:
         bound = (

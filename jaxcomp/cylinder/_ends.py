@@ -1,7 +1,7 @@
 """The ends of the cylinders of a machine, each a cylinder of its own, and which of them touch."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -41,7 +41,31 @@ class Grouping(NamedTuple):
 
 def has_ends(cylinder: Cylinder) -> bool:
     """Whether the gas is solved by the ends of the cylinders."""
-    return cylinder.crank_end is not None or bool(cylinder.later_stages)
+    return any(_entries_of_ends(cylinder))
+
+
+def one_end(cylinder: Cylinder) -> Cylinder:
+    """The cylinder, of which one end is solved alone.
+
+    Raises:
+        BadInput: entries that more ends have, or that are set for every end.
+    """
+    for name in _entries_of_ends(cylinder):
+        bound = "absent here, where one end is solved: `solve_orbit` solves all, at any speed"
+        raise BadInput(f"gas.{name}", "given", bound)
+    return cylinder
+
+
+def _entries_of_ends(cylinder: Cylinder) -> Iterator[str]:
+    """Names of the entries by which ends are solved, and not one end of each cylinder."""
+    for name in ("crank_end", "later_stages", "pocket", "load_steps"):
+        if getattr(cylinder, name):
+            yield name
+    for name in ("unloaded", "pockets"):
+        if getattr(cylinder, name) is not None:
+            yield name
+    if getattr(cylinder.suction_valve, "unloader", None) is not None:
+        yield "suction_valve.unloader"
 
 
 def grouping(cylinder: Cylinder, count: int) -> Grouping:
@@ -112,6 +136,7 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
         for gas_side, piston in _ends_of_cylinder(of_stages[stage - 1], mechanism):
             cylinders.append(gas_side)
             pistons.append(piston)
+    cylinders = _controlled(cylinder, cylinders, pistons)
     _check_kinds(cylinders)
     kinds = grouping(cylinder, len(mechanisms))
     of_ends = tuple(stage for stage in stages for _ in range(kinds.sides))
@@ -122,6 +147,48 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
         kinds,
         of_ends if cylinder.later_stages else (),
     )
+
+
+def _controlled(
+    whole: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
+) -> list[Cylinder]:
+    """The ends with the unloaders and pockets that act on each.
+
+    Raises:
+        BadInput: settings that are not one for each end.
+    """
+    settings = {"unloaded": whole.unloaded, "pockets": whole.pockets}
+    for name, values in settings.items():
+        if values is not None and values.shape != (len(cylinders),):
+            bound = f"one for each of {len(cylinders)} ends, head before crank end"
+            raise BadInput(f"gas.{name}", values, bound)
+    unloaders = [getattr(end.suction_valve, "unloader", None) for end in cylinders]
+    like = next((unloader for unloader in unloaders if unloader is not None), None)
+    controlled = []
+    for number, (end, piston, unloader) in enumerate(
+        zip(cylinders, pistons, unloaders, strict=True)
+    ):
+        valve = end.suction_valve
+        if like is not None:
+            acts = 0.0 if whole.unloaded is None else whole.unloaded[number]
+            force = jnp.zeros(()) if unloader is None else acts * unloader.force
+            # Ends without one have one without a force, so that all are of one kind.
+            valve = rebuilt(valve, unloader=replaced(unloader or like, force=force))
+        clearance = end.clearance_ratio
+        if end.pocket is not None and whole.pockets is not None:
+            clearance += whole.pockets[number] * end.pocket.volume / piston.swept_volume
+        controlled.append(
+            rebuilt(
+                end,
+                suction_valve=valve,
+                clearance_ratio=clearance,
+                pocket=None,
+                unloaded=None,
+                pockets=None,
+                load_steps=(),
+            )
+        )
+    return controlled
 
 
 def between_lines(cylinder: Cylinder) -> list[Cylinder]:
@@ -168,6 +235,7 @@ def _between(cylinder: Cylinder, stage: Cylinder | Stage, suction, discharge) ->
         heat=stage.heat,
         leakage=stage.leakage,
         crank_end=stage.crank_end,
+        pocket=stage.pocket,
         later_stages=(),
         stage_of_cylinder=(),
         interstage_pressure=None,
@@ -194,6 +262,7 @@ def _ends_of_cylinder(
         clearance_ratio=cylinder.clearance_ratio if clearance is None else clearance,
         suction_valve=crank_end.suction_valve or cylinder.suction_valve,
         discharge_valve=crank_end.discharge_valve or cylinder.discharge_valve,
+        pocket=crank_end.pocket,
     )
     rod = crank_end.rod_diameter
     ambient = crank_end.ambient_pressure

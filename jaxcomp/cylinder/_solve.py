@@ -21,7 +21,7 @@ from ._balance import FLAGS, STATES, Accounts
 from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
-from ._ends import Ends, ends_of, grouping, has_ends
+from ._ends import Ends, ends_of, grouping, has_ends, one_end
 from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
 from ._march import Record
 from ._options import COARSE, CycleOptions
@@ -71,6 +71,7 @@ def solve_cycle(
         BadInput: flanges of pipes that are not one of all cylinders or one of each, or a march of a
             cycle behind pipes.
     """
+    one_end(cylinder)
     options = options or CycleOptions()
     check_piping(cylinder, 1, options)
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
@@ -360,7 +361,20 @@ def _of_ends(solve: Callable, ends: Ends, speed, pace, start) -> SeveralCycles:
     else:
         cycles = solve(ends, speed, pace, start)
     together = cycles.together if grouping.together > 1 else None
+    cycles = _with_idle_ends(cycles, ends.stages)
     return SeveralCycles(cycles.each, together, grouping.sides, stages=ends.stages)
+
+
+def _with_idle_ends(cycles: SeveralCycles, stages: tuple[int, ...]) -> SeveralCycles:
+    """Cycles in which ends may deliver nothing, as unloaded ones, where others of their stage do."""
+    status = cycles.each.status
+    stage = np.array(stages or (1,) * cycles.each.residual.size)
+    among = stage[:, None] == stage
+    none = status == Status.no_delivery
+    delivers = jnp.any(among & ~none, axis=1)
+    idle = none & delivers
+    status = jax.vmap(lambda idle, end: Status.where(idle, Status.converged, end))(idle, status)
+    return eqx.tree_at(lambda c: c.each.status, cycles, status)
 
 
 def _system_of_ends(ends: Ends, speed, pace) -> Cylinders:

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..valve import AbstractValve
 from .laminar_gap import LaminarGap
+from .load_step import ClearancePocket
 
 
 class CrankEnd(Part):
@@ -19,6 +20,7 @@ class CrankEnd(Part):
         discharge_valve: out of this end; alike that of the head end if absent.
         packing: gap between rod and packing, through which gas of this end leaks to that of the
             suction line; tight if absent.
+        pocket: of this end; none if absent.
         ambient_pressure: [Pa] on the rod's other end, as in the crosshead guide.
     """
 
@@ -37,6 +39,7 @@ class CrankEnd(Part):
     suction_valve: AbstractValve | None = None
     discharge_valve: AbstractValve | None = None
     packing: LaminarGap | None = None
+    pocket: ClearancePocket | None = None
     ambient_pressure: Float[Array, ""] = quantity(
         "Pa", NONNEGATIVE, default=101325.0, doc="on the rod's other end"
     )

@@ -16,6 +16,7 @@ from ._cylinder import prepare as prepare
 from ._ends import Ends as Ends
 from ._ends import ends_of as ends_of
 from ._ends import guessed_pressures as guessed_pressures
+from ._ends import one_end as one_end
 from ._ends import phase_of_ends as phase_of_ends
 from ._evaluation import CycleSolution as CycleSolution
 from ._evaluation import account_scales as account_scales

@@ -10,6 +10,7 @@ from ._plenum import Plenum
 from .crank_end import CrankEnd
 from .heat._base import AbstractHeat
 from .laminar_gap import LaminarGap
+from .load_step import ClearancePocket
 
 
 class Intercooler(Part):
@@ -47,6 +48,7 @@ class Stage(Part):
         heat: correlation of the heat transfer; adiabatic if absent.
         leakage: past the piston, as of the first stage; tight if absent.
         crank_end: compression on the rod's side as well; single-acting if absent.
+        pocket: of the head end; none if absent.
     """
 
     kind: ClassVar[str] = "stage"
@@ -63,3 +65,4 @@ class Stage(Part):
     heat: AbstractHeat | None = None
     leakage: LaminarGap | None = None
     crank_end: CrankEnd | None = None
+    pocket: ClearancePocket | None = None

@@ -13,6 +13,8 @@ from ._compared import RodDrive as RodDrive
 from ._compared import compare as compare
 from ._compared import compare_drives as compare_drives
 from ._compared import design_study as design_study
+from ._load_steps import LoadSteps as LoadSteps
+from ._load_steps import load_steps as load_steps
 from ._optimise import optimise as optimise
 from ._optimum import Optimum as Optimum
 from ._options import AnalysisOptions as AnalysisOptions

@@ -7,3 +7,4 @@ from .check import CheckValve as CheckValve
 from .oil_film import OilFilm as OilFilm
 from .plate import PlateValve as PlateValve
 from .reed_beam import ReedBeam as ReedBeam
+from .unloader import Unloader as Unloader

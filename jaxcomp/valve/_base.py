@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
 from .._core.polynomials import cubics, inner_slopes
 from .oil_film import OilFilm
+from .unloader import Unloader
 
 
 class Oscillator(NamedTuple):
@@ -99,6 +100,7 @@ class AbstractMovingValve(AbstractValve):
         "m^2", POSITIVE, shape=(None,), default=None, doc="in place of C_f times the port"
     )
     stiction: OilFilm | None = None
+    unloader: Unloader | None = None
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         if self.lift_table is None:

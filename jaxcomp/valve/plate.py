@@ -26,6 +26,7 @@ class PlateValve(AbstractMovingValve):
         flow_area_table: [m^2] (n,) effective.
         force_area_table: [m^2] (n,)
         stiction: oil between plate and seat; none if absent.
+        unloader: of a suction valve, which acts as far as `unloaded` of the cylinder says.
         mass: [kg] moving.
         stiffness: [N/m]
     """

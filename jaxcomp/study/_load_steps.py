@@ -1,0 +1,136 @@
+"""The load steps of a machine beside each other: what each delivers, and what it costs rods and crank."""
+
+import dataclasses
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+
+from .._core.errors import BadInput
+from .._core.fields import replaced
+from .._core.results import Data, Result
+from ..cylinder import Cylinder, LoadStep
+from ..machine import HasMachine, Machine, machine_of
+from ._steady_state import SteadyState, steady_state
+
+if TYPE_CHECKING:
+    from ..crank import Collocation, Shooting
+
+# The step in which nothing is unloaded and every pocket is shut.
+FULL_LOAD = "full load"
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class LoadSteps(Result):
+    """Periodic states of a machine at full load and at each of its load steps.
+
+    Attributes:
+        names: of the steps, full load first.
+        states: of each.
+    """
+
+    names: tuple[str, ...]
+    states: tuple[SteadyState, ...]
+
+    table_dims: ClassVar[tuple[str, ...]] = ("load_step",)
+    nested_units: ClassVar[str] = """
+        steps: name; mass_flow [kg/s]; flow_share; gas_power, shaft_power [W]
+        steps: mean_torque [N m]; torque_fluctuation; rod_compression, rod_tension [N]
+        steps: reversal_angle [rad]; reversal_share; discharge_temperature [K]
+        steps.stage_pressures: [Pa]
+    """
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of every step in SI units."""
+        at = self.table_dims
+        rows = self.rows()
+        yield Data("load_step", "", np.array(self.names), at)
+        units = {
+            "mass_flow": "kg/s",
+            "flow_share": "",
+            "gas_power": "W",
+            "shaft_power": "W",
+            "mean_torque": "N m",
+            "torque_fluctuation": "",
+            "rod_compression": "N",
+            "rod_tension": "N",
+            "reversal_angle": "rad",
+            "reversal_share": "",
+            "discharge_temperature": "K",
+        }
+        for name, unit in units.items():
+            yield Data(name, unit, np.array([row[name] for row in rows]), at)
+
+    def nested(self) -> dict[str, Any]:
+        """One record for every step."""
+        return {"steps": self.rows()}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Flow, power, torque, rod loads and temperatures of every step, by name.
+
+        Rod loads are the largest of all rods, gas and inertia together; reversals the least. The
+        temperature is that of the hottest end that delivers.
+        """
+        full = float(self.states[0].quantities["mass_flow"])
+        return [
+            {"name": name, **_row(state, full)}
+            for name, state in zip(self.names, self.states, strict=True)
+        ]
+
+
+def load_steps(
+    machine: Machine | HasMachine, solver: "Collocation | Shooting | None" = None
+) -> LoadSteps:
+    """Solve a machine at full load and at each of its load steps.
+
+    Args:
+        machine: a scene or a machine whose gas is a `Cylinder` with `load_steps`.
+        solver: as in `solve_orbit`.
+
+    Raises:
+        BadInput: a machine without load steps.
+        SolveFailed: a step at which no periodic state was found.
+    """
+    design = machine_of(machine)
+    compressor = design.compressor
+    gas = None if compressor is None else compressor.gas
+    if compressor is None or not isinstance(gas, Cylinder) or not gas.load_steps:
+        raise BadInput("gas.load_steps", "absent", "one load step at least")
+    ends = compressor.crankshaft.count * (1 if gas.crank_end is None else 2)
+    none = jnp.zeros(ends)
+    steps = (LoadStep(FULL_LOAD), *gas.load_steps)
+    states = []
+    for step in steps:
+        unloaded = none if step.unloaded is None else step.unloaded
+        pockets = none if step.pockets is None else step.pockets
+        # Both are given in every step, so that one program serves all.
+        here = replaced(gas, unloaded=unloaded, pockets=pockets)
+        changed = replaced(design, compressor=replaced(compressor, gas=here))
+        states.append(steady_state(changed, solver))
+    return LoadSteps(tuple(step.name for step in steps), tuple(states))
+
+
+def _row(state: SteadyState, full: float) -> dict[str, Any]:
+    quantities = state.quantities
+    sheet = state.api_618
+    cycle = state.orbit.cycle
+    assert cycle is not None
+    throws = () if sheet is None else sheet.throws
+    ends = () if sheet is None else sheet.ends
+    warm = [end["discharge_temperature"] for end in ends if end["volumetric_efficiency"] > 1e-6]
+    flow = float(quantities["mass_flow"])
+    return {
+        "mass_flow": flow,
+        "flow_share": flow / full,
+        "gas_power": float(quantities["gas_power"]),
+        "shaft_power": float(quantities["motor_power"]),
+        "mean_torque": float(quantities["motor_power"]) / float(quantities["mean_speed"]),
+        "torque_fluctuation": float(quantities["torque_fluctuation"]),
+        "rod_compression": max((t["combined_compression"] for t in throws), default=np.nan),
+        "rod_tension": max((t["combined_tension"] for t in throws), default=np.nan),
+        "reversal_angle": min((t["reversal_angle"] for t in throws), default=np.nan),
+        "reversal_share": min((t["reversal_share"] for t in throws), default=np.nan),
+        "discharge_temperature": max(warm, default=np.nan),
+        "stage_pressures": dict(quantities.get("interstage_pressure", {})),
+    }

@@ -1,0 +1,63 @@
+"""Unloader of a suction valve: fingers that hold its plate away from the seat."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, quantity
+
+
+class Unloader(Part):
+    """Fingers that press the plate of a suction valve towards its stop.
+
+    Held over the whole revolution, the end of the cylinder takes gas in and pushes it back. With a
+    release the plate is held until then alone, and what is in the cylinder by then is compressed. A
+    force that the gas on its way back overcomes lets the valve shut by itself, earlier.
+
+    Args:
+        force: [N] of the fingers.
+        release: [rad] crank angle from the top dead centre of the end at which the force begins to
+            fall, between half a revolution and a whole one; held over the whole revolution if absent.
+        engagement: [rad] crank angle at which the force begins to rise again, while gas is drawn.
+        duration: [rad] within which the force rises and falls.
+    """
+
+    kind: ClassVar[str] = "unloader"
+
+    force: Float[Array, ""] = quantity(
+        "N", NONNEGATIVE, doc="of the fingers on the plate", usual=(1.0, 1e4)
+    )
+    release: Float[Array, ""] | None = quantity(
+        "rad",
+        ANY,
+        default=None,
+        doc="from the top dead centre of the end, at which the force begins to fall; absent: never",
+    )
+    engagement: Float[Array, ""] = quantity(
+        "rad", ANY, default=np.pi / 2, doc="from there, at which the force begins to rise again"
+    )
+    duration: Float[Array, ""] = quantity(
+        "rad", POSITIVE, default=np.pi / 18, doc="within which the force rises and falls"
+    )
+
+    def force_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
+        """[N] At a crank angle [rad] of the end.
+
+        It rises and falls with two continuous derivatives: edges at given angles would be events of
+        the revolution.
+        """
+        if self.release is None:
+            return self.force
+        turn = 2 * np.pi
+        since = jnp.mod(angle - self.engagement, turn)
+        held = jnp.mod(self.release - self.engagement, turn)
+        rise = _smooth_step(since / self.duration)
+        fall = _smooth_step((since - held) / self.duration)
+        return self.force * (rise - fall)
+
+
+def _smooth_step(share: Float[Array, ""]) -> Float[Array, ""]:
+    x = jnp.clip(share, 0.0, 1.0)
+    return x**3 * (10 + x * (6 * x - 15))
