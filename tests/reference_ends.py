@@ -29,15 +29,24 @@ class Valve:
     flow: float = 0.65
     push: float = 1.1
     held: float = 0.0  # [N] of an unloader
+    release: float | None = None  # [rad] own angle at which its force falls, within 10 degrees
 
     def area(self, lift):
         curtain = np.pi * self.diameter * max(lift, 0.0)
         hole = np.pi / 4 * self.diameter**2
         return self.flow * curtain / np.sqrt(1 + (curtain / hole) ** 2)
 
-    def force(self, lift, before, behind):
+    def force(self, lift, before, behind, angle):
         face = self.push * np.pi / 4 * self.diameter**2
-        return face * (before - behind) - self.stiffness * (lift + self.preload) + self.held
+        held = self.held
+        if self.release is not None:
+            # It rises from a quarter turn behind the dead centre on.
+            since = (angle - np.pi / 2) % (2 * np.pi)
+            until = self.release - np.pi / 2
+            steps = np.clip(np.array([since, since - until]) / (np.pi / 18), 0.0, 1.0)
+            rise, fall = 6 * steps**5 - 15 * steps**4 + 10 * steps**3
+            held *= rise - fall
+        return face * (before - behind) - self.stiffness * (lift + self.preload) + held
 
 
 @dataclass
@@ -115,7 +124,7 @@ class DoubleActing:
                 lift = x if mode == 1 else valve.stop * (mode == 2)
                 flow, h, rise = self.port(a, b, lift, u, valve)
                 flows.append((flow, flow * h) if mode else (0.0, 0.0))
-                push = valve.force(lift, a[0], b[0]) - valve.damping * v
+                push = valve.force(lift, a[0], b[0], angle + end * np.pi) - valve.damping * v
                 free = mode == 1
                 motion += [v if free else 0.0, push / valve.mass if free else 0.0]
                 motion.append(rise if mode else 0.0)
@@ -151,7 +160,8 @@ class DoubleActing:
                     return y[place] if kind == "seat" else valve.stop - y[place]
                 here = self.gases(angle, y)[number // 2][0]
                 sides = (self.suction[0], here), (here, self.discharge[0])
-                force = valve.force(valve.stop * (modes[number] == 2), *sides[number % 2])
+                lift = valve.stop * (modes[number] == 2)
+                force = valve.force(lift, *sides[number % 2], angle + number // 2 * np.pi)
                 return -force if modes[number] == 0 else force
 
             event.terminal, event.direction = kind != "turn", 0 if kind == "turn" else -1
@@ -195,7 +205,7 @@ class DoubleActing:
             here = self.gases(angle, y)[number // 2][0]
             sides = (self.suction[0], here), (here, self.discharge[0])
             at = 0.0 if kind == "seat" or modes[number] == 0 else valve.stop
-            force = valve.force(at, *sides[number % 2])
+            force = valve.force(at, *sides[number % 2], angle + number // 2 * np.pi)
             y[place], y[place + 1] = at, 0.0
             if kind == "force":
                 if modes[number] == 0:

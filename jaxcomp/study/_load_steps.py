@@ -37,8 +37,7 @@ class LoadSteps(Result):
     nested_units: ClassVar[str] = """
         steps: name; mass_flow [kg/s]; flow_share; gas_power, shaft_power [W]
         steps: mean_torque [N m]; torque_fluctuation; rod_compression, rod_tension [N]
-        steps: reversal_angle [rad]; reversal_share; discharge_temperature [K]
-        steps.stage_pressures: [Pa]
+        steps: reversal_angle [rad]; reversal_share; discharge_temperature [K]; stage_pressures [Pa]
     """
 
     def described(self) -> Iterator[Data]:
