@@ -184,8 +184,10 @@ class Cylinder(AbstractGas):
         for name, line in (("suction", self.suction), ("discharge", self.discharge)):
             if line.piping is None:
                 continue
-            if self.crank_end is not None:
-                bound = "absent with a crank_end: pipes are solved for single-acting cylinders"
+            for entry in self.entries_of_ends():
+                bound = (
+                    f"absent with {entry}: pipes are solved for single-acting cylinders of a stage"
+                )
                 raise BadInput(f"{name}.piping", "given", bound)
             if line.plenums:
                 bound = "absent beside `piping`: a vessel at the flange is one of `piping.volumes`"
@@ -241,6 +243,17 @@ class Cylinder(AbstractGas):
             return self.crank_end.rod_diameter
         ends = [self.stage(number).crank_end for number in self.stages]
         return jnp.stack([jnp.zeros(()) if end is None else end.rod_diameter for end in ends])
+
+    def entries_of_ends(self) -> Iterator[str]:
+        """Names of the entries by which ends are solved, and not the cylinders alike."""
+        for name in ("crank_end", "later_stages", "pocket", "load_steps"):
+            if getattr(self, name):
+                yield name
+        for name in ("unloaded", "pockets"):
+            if getattr(self, name) is not None:
+                yield name
+        if _unloader_of(self) is not None:
+            yield "suction_valve.unloader"
 
     @property
     def stages(self) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
 """The ends of the cylinders of a machine, each a cylinder of its own, and which of them touch."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -41,7 +41,7 @@ class Grouping(NamedTuple):
 
 def has_ends(cylinder: Cylinder) -> bool:
     """Whether the gas is solved by the ends of the cylinders."""
-    return any(_entries_of_ends(cylinder))
+    return any(cylinder.entries_of_ends())
 
 
 def one_end(cylinder: Cylinder) -> Cylinder:
@@ -50,22 +50,10 @@ def one_end(cylinder: Cylinder) -> Cylinder:
     Raises:
         BadInput: entries that more ends have, or that are set for every end.
     """
-    for name in _entries_of_ends(cylinder):
+    for name in cylinder.entries_of_ends():
         bound = "absent here, where one end is solved: `solve_orbit` solves all, at any speed"
         raise BadInput(f"gas.{name}", "given", bound)
     return cylinder
-
-
-def _entries_of_ends(cylinder: Cylinder) -> Iterator[str]:
-    """Names of the entries by which ends are solved, and not one end of each cylinder."""
-    for name in ("crank_end", "later_stages", "pocket", "load_steps"):
-        if getattr(cylinder, name):
-            yield name
-    for name in ("unloaded", "pockets"):
-        if getattr(cylinder, name) is not None:
-            yield name
-    if getattr(cylinder.suction_valve, "unloader", None) is not None:
-        yield "suction_valve.unloader"
 
 
 def grouping(cylinder: Cylinder, count: int) -> Grouping:
@@ -196,6 +184,7 @@ def between_lines(cylinder: Cylinder) -> list[Cylinder]:
     if not cylinder.later_stages:
         return [cylinder]
     assert cylinder.interstage_pressure is not None
+    cylinder = cylinder.by_dew_points()
     coolers = [stage.cooler for stage in cylinder.later_stages]
     first = cylinder.suction.state(cylinder.fluid)
     last = cylinder.discharge.states(cylinder.fluid, first)[0]
@@ -293,6 +282,7 @@ def guessed_pressures(cylinder: Cylinder, mechanisms) -> Float[Array, " s"]:
         cylinder: with later stages.
         mechanisms: the linkage of every cylinder.
     """
+    cylinder = cylinder.by_dew_points()
     swept = [jnp.zeros(()) for _ in range(len(cylinder.later_stages) + 1)]
     for mechanism, stage in zip(mechanisms, cylinder.stages, strict=True):
         area = mechanism.piston_area

@@ -39,7 +39,6 @@ from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, ro
 if TYPE_CHECKING:
     from ..crank import Shooting, TimeIntegration
     from ..vibration import BlockVibration
-    from ._load_steps import LoadSteps
 
 # Families of quantities whose numbers stand under another name.
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
@@ -66,7 +65,7 @@ class SteadyState(Result):
         moved_films: what journals with steady films would do if they moved, where it was asked for.
         vibration: of the suspended block; `None` without a suspension.
         torsion: of the crank train; `None` without one.
-        load_steps: the machine at its load steps, where that was asked for.
+        load_steps: of `load_steps`, where that was asked for.
         api_618: loads of the rods, ends of the cylinders and shaking, as data sheets have them; `None`
             without connecting rods or gas.
     """
@@ -83,7 +82,7 @@ class SteadyState(Result):
     vibration: "BlockVibration | None" = None
     torsion: TrainTorques | None = None
     api_618: ProcessSheet | None = None
-    load_steps: "LoadSteps | None" = None
+    load_steps: Result | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
     nested_units: ClassVar[str] = """
