@@ -16,7 +16,7 @@ from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, r
 from .crankshaft import Crankshaft
 from .crankshaft.interface import MachineLoops, machine_loops
 from .cylinder import Cylinder
-from .cylinder.interface import ports_fit
+from .cylinder.interface import check_settings, ports_fit
 from .friction import AbstractFriction, JointLoads
 from .friction.interface import closed
 from .gas import AbstractGas, StagedCycle, Stroke
@@ -137,7 +137,9 @@ def _check_lists(compressor: Compressor) -> None:
 
 
 def _check_stages(gas: AbstractGas | None, count: int) -> None:
-    """That every cylinder has its stage."""
+    """That every cylinder has its stage, and every end its settings."""
+    if isinstance(gas, Cylinder):
+        check_settings(gas, count)
     if isinstance(gas, StagedCycle):
         name = "gas.stages"
     elif isinstance(gas, Cylinder) and gas.later_stages:

@@ -140,16 +140,7 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
 def _controlled(
     whole: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
 ) -> list[Cylinder]:
-    """The ends with the unloaders and pockets that act on each.
-
-    Raises:
-        BadInput: settings that are not one for each end.
-    """
-    settings = {"unloaded": whole.unloaded, "pockets": whole.pockets}
-    for name, values in settings.items():
-        if values is not None and values.shape != (len(cylinders),):
-            bound = f"one for each of {len(cylinders)} ends, head before crank end"
-            raise BadInput(f"gas.{name}", values, bound)
+    """The ends with the unloaders and pockets that act on each."""
     unloaders = [getattr(end.suction_valve, "unloader", None) for end in cylinders]
     like = next((unloader for unloader in unloaders if unloader is not None), None)
     controlled = []
@@ -177,6 +168,23 @@ def _controlled(
             )
         )
     return controlled
+
+
+def check_settings(cylinder: Cylinder, count: int) -> None:
+    """Refuse settings of unloaders and pockets that are not one for each end.
+
+    Args:
+        cylinder: gas side.
+        count: of cylinders.
+    """
+    ends = grouping(cylinder, count).ends
+    steps = {f"load_steps.{n}.": step for n, step in enumerate(cylinder.load_steps)}
+    for where, settings in {"": cylinder, **steps}.items():
+        for name in ("unloaded", "pockets"):
+            values = getattr(settings, name)
+            if values is not None and values.shape != (ends,):
+                bound = f"one for each of {ends} ends, head before crank end"
+                raise BadInput(f"gas.{where}{name}", f"{values.size} values", bound)
 
 
 def between_lines(cylinder: Cylinder) -> list[Cylinder]:

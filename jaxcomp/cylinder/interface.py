@@ -14,6 +14,7 @@ from ._cylinder import Pace as Pace
 from ._cylinder import ports_fit as ports_fit
 from ._cylinder import prepare as prepare
 from ._ends import Ends as Ends
+from ._ends import check_settings as check_settings
 from ._ends import ends_of as ends_of
 from ._ends import guessed_pressures as guessed_pressures
 from ._ends import one_end as one_end
