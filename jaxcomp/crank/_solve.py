@@ -18,7 +18,7 @@ from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, HasCompressor, compressor_of
 from ..cylinder import Cylinder
 from ..cylinder.interface import (
-    climb,
+    climbed,
     evidence,
     is_piped,
     of_each,
@@ -133,11 +133,11 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
             _raise_if_failed(orbit, solver)
         return orbit
 
-    def solve(cycle_options, _):
+    def solve(cycle_options):
         return _solve(values, dataclasses.replace(solver, cycle=cycle_options))
 
     may_march = not is_piped(compressor.gas)
-    orbit, cycle_options = climb(solve, solver.cycle, None, True, may_march)
+    orbit, cycle_options = climbed(solve, solver.cycle, may_march)
     solver = dataclasses.replace(solver, cycle=cycle_options)
     if throw:
         _raise_if_failed(orbit, solver)

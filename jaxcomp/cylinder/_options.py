@@ -3,8 +3,7 @@
 A program has a fixed number of panels, on which the events of the valves and the course between them are
 laid, and a record of the march with a fixed number of steps. Most machines need few of both; how many a
 machine needs is known after it has been marched. So there are a few sizes: the first one is tried, and
-what does not fit goes on in the next that has room. Outside of traced programs this happens at once, by
-`next_size`; in a batch the designs that did not fit are collected and solved in the next size together.
+what does not fit goes on in the next that has room, see `_climb`.
 """
 
 import dataclasses
@@ -12,7 +11,6 @@ from typing import Literal, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.status import Status
@@ -130,21 +128,19 @@ class CycleOptions(eqx.Module):
         """The options in the next size, if there is one."""
         return dataclasses.replace(self, size=self.size + 1) if self.may_grow else None
 
-    def next_size(self, status: Status, events: Int[Array, "*n"]) -> "CycleOptions | None":
-        """The options in the next size that has room for what a solution found; `None` if it needs none.
+    def ladder(self, by_march: bool = True) -> tuple["CycleOptions", ...]:
+        """The options in this size and in all larger ones, the smallest first.
 
         Args:
-            status: of the solution, or of any of a batch.
-            events: of its revolution, as far as it was marched.
+            by_march: whether the march stands behind the largest size, where it may.
         """
-        short = np.asarray(may_lack_room(status))
-        larger = self.grown()
-        if larger is None or not short.any():
-            return None
-        most = int(np.max(np.where(short, np.asarray(events), 0)))
-        while (still_larger := larger.grown()) and not larger.has_room(most, 0):
-            larger = still_larger
-        return larger
+        sizes = [self]
+        while (larger := sizes[-1].grown()) is not None:
+            sizes.append(larger)
+        march = sizes[-1].by_march()
+        if by_march and march is not None:
+            sizes.append(march)
+        return tuple(sizes)
 
     def by_march(self) -> "CycleOptions | None":
         """The march, which stands behind the largest size; `None` where it may not."""

@@ -228,3 +228,20 @@ class SeveralCycles(Result, eqx.Module):
             crankcase = gas.back_pressure[self.of_stage(1)[0]]
             gas = replaced(gas, back_pressure=jnp.full_like(gas.back_pressure, crankcase))
         return gas if self.sides == 1 else ends_under(gas, self.each.case.mechanism)
+
+
+def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:
+    """A cycle of which nothing has been found."""
+    failed = jax.tree.map(jnp.full_like, of_each(cycle).status, Status.not_converged)
+    return eqx.tree_at(lambda cycle: of_each(cycle).status, cycle, failed)
+
+
+def of_each(cycle: Cycle | SeveralCycles) -> Cycle:
+    """The cycle, or all of several with an axis of them."""
+    return cycle.each if isinstance(cycle, SeveralCycles) else cycle
+
+
+def is_solved(cycle: Cycle) -> Bool[Array, ""]:
+    """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
+    failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
+    return jnp.all(jnp.stack([cycle.status != one for one in failed]))

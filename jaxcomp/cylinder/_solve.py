@@ -6,7 +6,6 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
@@ -15,9 +14,10 @@ from .._core.errors import BadInput
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import frozen
-from .._core.status import SolveFailed, Status, raise_at_run_time
+from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
 from ._balance import FLAGS, STATES, Accounts
+from ._climb import climbed, evidence, raise_where_unsolved
 from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
@@ -29,7 +29,7 @@ from ._panels import Mesh, Unknowns, lay_mesh, resolution
 from ._piped import piped_rounds
 from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
-from ._several import SeveralCycles
+from ._several import SeveralCycles, is_solved
 from ._system import Cylinders
 from ._waves import is_piped, pipings, still
 from .wall_network import OF_WALL
@@ -83,13 +83,16 @@ def solve_cycle(
             raise_where_unsolved(cycle, options)
         return cycle
 
-    def solve(options, start):
-        return _solved_if_admissible(*values, options, pace, start)
+    def solve(size):
+        # a start has the panels of the first size
+        start_of_size = start if size is options else None
+        return _solved_if_admissible(*values, size, pace, start_of_size)
 
-    # a pace is known on panels of its own, which are edges for the cycle
-    may_climb = pace is None
-    may_march = not is_piped(cylinder)
-    cycle, options = climb(solve, options, start, may_climb, may_march)
+    if pace is None:
+        cycle, options = climbed(solve, options, by_march=not is_piped(cylinder))
+    else:
+        # a pace is known on panels of its own, which are edges for the cycle
+        cycle = solve(options)
     if throw and bool(jnp.any(cycle.status != Status.converged)):
         raise SolveFailed(cycle.status, evidence(cycle, options))
     if not any(is_traced(leaf) for leaf in jax.tree.leaves(machine)):
@@ -97,40 +100,6 @@ def solve_cycle(
     if cycle.solver == "march":
         return _solved_if_admissible(*machine, options, pace, None)  # refuses by name
     return _followed(*machine, pace, cycle)
-
-
-def climb(solve: Callable, options: CycleOptions, start, may_climb: bool, may_march: bool = True):
-    """Cycle of a machine in the size that has room for it, and the options of that size.
-
-    Args:
-        solve: of options and a start; what it returns has a `status` and an `event_count`, or a `cycle`
-            which has them.
-        options: with which to begin.
-        start: of the first size.
-        may_climb: whether larger sizes may be tried, and the march where none has room.
-        may_march: whether the march may stand; behind pipes it has no answer of theirs.
-    """
-    found = solve(options, start)
-    if not may_climb:
-        return found, options
-
-    def of_cycle(found):
-        return of_each(getattr(found, "cycle", found))
-
-    def next_size():
-        cycle = of_cycle(found)
-        return options.next_size(cycle.status, cycle.event_count)
-
-    while larger := next_size():
-        options = larger
-        found = solve(options, None)
-    by_march = options.by_march()
-    if by_march is None or not may_march or bool(is_solved(of_cycle(found))):
-        return found, options
-    marched = solve(by_march, None)
-    if bool(is_solved(of_cycle(marched))):
-        return marched, by_march
-    return found, options
 
 
 def check_piping(cylinder: Cylinder, count: int, options: CycleOptions) -> None:
@@ -154,40 +123,6 @@ def check_piping(cylinder: Cylinder, count: int, options: CycleOptions) -> None:
         if flanges not in (1, count):
             bound = f'"flange" of all cylinders, or flange-1 to flange-{count}, one of each'
             raise BadInput(f"gas.{name}.piping.pipes", ", ".join(piping.flanges), bound)
-
-
-def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
-    """Evidence of how far a solution came that was not found, for the message."""
-    each = of_each(cycle)
-    return _evidence(options, each.event_count, each.revolutions, each.residual)
-
-
-def _evidence(options: CycleOptions, events, revolutions, residual) -> str:
-    return (
-        f"{int(np.max(events))} events of the valves in a revolution on {options.panel_count} panels, "
-        f"{int(np.max(revolutions))} revolutions marched, last change of the cycle "
-        f"{float(np.max(residual)):.2g}"
-    )
-
-
-def _evidence_in_program(options: CycleOptions, events, revolutions, residual) -> str:
-    told = _evidence(options, events, revolutions, residual)
-    larger = options.next_size(Status.too_many_events, events)
-    if larger is not None:
-        told += (
-            "; a compiled program has one size: solve and differentiate outside of `jit`, where the size "
-            f"follows from the machine, or give CycleOptions(least_panels={larger.panel_count}, "
-            f"capacity={larger.kept_steps}, max_passes={larger.passes_of_revolution})"
-        )
-    return f"{told}; `throw=False` leaves it to `status`"
-
-
-def raise_where_unsolved(cycle: Cycle | SeveralCycles, options: CycleOptions) -> None:
-    """Let a traced program end with an error where its cycle was not found."""
-    each = of_each(cycle)
-    told = partial(_evidence_in_program, options)
-    numbers = each.event_count, each.revolutions, each.residual
-    raise_at_run_time(each.status, ~is_solved(each), told, *numbers)
 
 
 def solve_cycles(
@@ -418,23 +353,6 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
     solve = _march_only if marching else _rounds
     found = solve(frozen, options, start)
     return system, found, marching
-
-
-def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:
-    """A cycle of which nothing has been found."""
-    failed = jax.tree.map(jnp.full_like, of_each(cycle).status, Status.not_converged)
-    return eqx.tree_at(lambda cycle: of_each(cycle).status, cycle, failed)
-
-
-def of_each(cycle: Cycle | SeveralCycles) -> Cycle:
-    """The cycle, or all of several with an axis of them."""
-    return cycle.each if isinstance(cycle, SeveralCycles) else cycle
-
-
-def is_solved(cycle: Cycle) -> Bool[Array, ""]:
-    """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
-    failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
-    return jnp.all(jnp.stack([cycle.status != one for one in failed]))
 
 
 def _count_events(record: Record):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
 from .._core.fields import admissible
@@ -26,7 +26,7 @@ from ..crank import (
     solve_orbit,
 )
 from ..crank.interface import time_harmonics
-from ..cylinder.interface import may_lack_room, of_each
+from ..cylinder.interface import events_without_room, of_each
 from ..friction.interface import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
@@ -142,11 +142,11 @@ class DesignResult:
         return Status.where(jnp.all(jnp.stack(good)), status, Status.bad_input) if good else status
 
     @property
-    def short(self) -> Bool[Array, ""]:
-        """Whether the cycle may be found in a larger size."""
+    def events_without_room(self) -> Int[Array, ""]:
+        """Events seen in a cycle that may be found in a larger size; -1 where none is needed."""
         if "orbit" not in self.__dict__ or self.orbit.cycle is None:
-            return jnp.asarray(False)
-        return jnp.any(may_lack_room(of_each(self.orbit.cycle).status))
+            return jnp.asarray(-1)
+        return events_without_room(of_each(self.orbit.cycle))
 
     @cached_property
     def journals(self) -> dict[str, JournalFilm]:

@@ -17,7 +17,8 @@ from .._core.errors import BadInput, MissingPart
 from .._core.results import Data, with_unit
 from .._core.status import UNNAMED, Status
 from ..crank.interface import default_collocation
-from ..cylinder import Cylinder
+from ..cylinder import CycleOptions, Cylinder
+from ..cylinder.interface import Climb, is_piped
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
 from ._options import AnalysisOptions, given_options
@@ -58,13 +59,14 @@ class Answer(NamedTuple):
         values: [SI] (quantities,) in the order of the problem.
         ok: whether they can be relied on; if not they are finite where the solvers are, and mean
             nothing.
-        short: whether the cycle may be found in a larger size, see `in_next_size`.
+        events_without_room: events seen in a cycle that may be found in a larger size of its program;
+            -1 where none is needed.
         status: code of the `Status` that tells how it ended, or `UNNAMED`.
     """
 
     values: Float[Array, " quantities"]
     ok: Bool[Array, ""]
-    short: Bool[Array, ""]
+    events_without_room: Int[Array, ""]
     status: Int[Array, ""]
 
 
@@ -148,7 +150,8 @@ class Problem(eqx.Module):
         status = Status.where(inside, found.status, Status.bad_input)
         unnamed = ~ok & (status == Status.converged)
         code = jnp.where(unnamed, UNNAMED, status._value)
-        return Answer(values, ok, found.short & inside, code)
+        events = jnp.where(inside, found.events_without_room, -1)
+        return Answer(values, ok, events, code)
 
 
 def problem(
@@ -261,35 +264,57 @@ class Solved(NamedTuple):
     slope: Float[Array, "n quantities variables"]
 
 
-def in_next_size(problem: Problem, by_march: bool = False) -> Problem | None:
-    """The problem with its cycle in the next size; `None` without valves, or where there is none.
-
-    What a design of a study lacks that ended for want of panels or steps.
+def climb_of(problem: Problem, count: int, by_march: bool) -> Climb:
+    """Designs of a problem at the foot of the sizes of the cycle's program.
 
     Args:
-        problem: whose designs were solved in one size.
-        by_march: whether the march stands behind the largest size, which has no derivatives.
+        problem: with or without valves; there is one size without.
+        count: of the designs.
+        by_march: whether the march, which has no derivatives, stands behind the largest size.
     """
     if not solves_gas(problem):
-        return None
+        return Climb((None,), count)
+    compressor = problem.design.compressor
+    assert compressor is not None
+    by_march = by_march and not is_piped(compressor.gas)
+    return Climb(_solver_of(problem).cycle.ladder(by_march), count)
+
+
+def in_size(problem: Problem, size: CycleOptions | None) -> Problem:
+    """The problem with its cycle solved in a size that `climb_of` gave."""
+    if size is None:
+        return problem
+    solver = dataclasses.replace(_solver_of(problem), cycle=size)
+    return eqx.tree_at(lambda p: p.options.solver, problem, solver, is_leaf=lambda x: x is None)
+
+
+def _solver_of(problem: Problem) -> Any:
+    """The solver of the orbit that a problem with valves takes."""
     compressor = assembled(problem.design).compressor
     assert compressor is not None
-    solver = problem.options.solver or default_collocation(compressor)
-    options = solver.cycle.grown()
-    if options is None and by_march:
-        options = solver.cycle.by_march()
-    if options is None:
-        return None
-    larger = dataclasses.replace(solver, cycle=options)
-    return eqx.tree_at(lambda p: p.options.solver, problem, larger, is_leaf=lambda x: x is None)
+    return problem.options.solver or default_collocation(compressor)
 
 
 def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8) -> Solved:
     """Solve designs with their derivatives, in batches of one size and so by one program.
 
-    Those that lack room for the cycle are solved again together in the next size.
+    Those that lack room for the cycle are solved again together in the next size that has it.
     """
     rows = np.asarray(points)
+    climb = climb_of(problem, len(rows), by_march=False)
+    columns = []
+    for size, some in climb:
+        *answers, events = _in_batches(in_size(problem, size), rows[some], batch)
+        climb.note(some, events)
+        if not columns:
+            columns = answers
+            continue
+        columns = [whole.at[some].set(part) for whole, part in zip(columns, answers, strict=True)]
+    return Solved(*columns)
+
+
+def _in_batches(problem: Problem, rows, batch: int) -> list[Array]:
+    """Values, whether they hold, slopes and events without room of designs, in one size."""
     parts = []
     # what `of_each` takes in turns is not filled up
     batch = 1 if solves_gas(problem) else batch
@@ -297,12 +322,7 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
         some = rows[first : first + batch]
         filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
         parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
-    *found, short = (jnp.concatenate(column) for column in zip(*parts, strict=True))
-    larger = in_next_size(problem) if np.any(short) else None
-    if larger is not None:
-        again = solved(larger, rows[short], batch)
-        found = [whole.at[short].set(part) for whole, part in zip(found, again, strict=True)]
-    return Solved(*found)
+    return [jnp.concatenate(column) for column in zip(*parts, strict=True)]
 
 
 @eqx.filter_jit
@@ -323,7 +343,12 @@ def _answers(problem: Problem, points):
             # not `jacfwd`, where an iterative rule of a derivative gives `ok` an axis of directions
             _, forward, answer = jax.linearize(values, point, has_aux=True)
             slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
-        return answer.values, answer.ok & jnp.all(jnp.isfinite(slope)), slope, answer.short
+        return (
+            answer.values,
+            answer.ok & jnp.all(jnp.isfinite(slope)),
+            slope,
+            answer.events_without_room,
+        )
 
     return of_each(one, problem, points)
 

@@ -7,6 +7,7 @@ with evaporating and condensing dew temperatures S and D in degrees Celsius (AHR
 
 import dataclasses as dc
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
@@ -27,7 +28,7 @@ from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, solve_orbit
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import may_lack_room, of_each
+from ..cylinder.interface import Climb, events_without_room, is_piped, of_each
 from ..fluid import AbstractRealGas
 from ..fluid.interface import has_dew_line
 from ..motor import ConstantSpeed
@@ -371,23 +372,31 @@ def rated(
 
 
 def _in_all_sizes(compressor: Compressor, rating: str, options, solver, evaporating, condensing):
-    """All points, those whose cycle did not fit once more together in the next size."""
-    found, ok, short = jax.tree.map(
-        np.array, _along(compressor, rating, options, solver, evaporating, condensing)
-    )
-    larger = options.grown() or options.by_march()
-    if larger is None or not short.any():
-        return found, ok
-    rows = np.flatnonzero(short)
-    # few sizes of a batch make few programs
-    padded = np.resize(rows, 1 << (len(rows) - 1).bit_length())
-    again, fine = _in_all_sizes(
-        compressor, rating, larger, solver, evaporating[padded], condensing[padded]
-    )
-    for name, values in found.items():
-        values[rows] = again[name][: len(rows)]
-    ok[rows] = fine[: len(rows)]
-    return found, ok
+    """All points, each in the size that its cycle needs."""
+    climb = Climb(options.ladder(by_march=not is_piped(compressor.gas)), len(evaporating))
+    values: dict[str, np.ndarray] = {}
+    ok = np.zeros(len(evaporating), bool)
+    for size, rows in climb:
+        # few numbers of points make few programs
+        padded = rows
+        if values:
+            padded = np.resize(rows, 1 << (len(rows) - 1).bit_length())
+        answer = _along(compressor, rating, size, solver, evaporating[padded], condensing[padded])
+        columns, holds, events = jax.tree.map(partial(_first, len(rows)), answer)
+        climb.note(rows, events)
+        if not values:
+            values = columns
+            ok = holds
+            continue
+        for name, column in columns.items():
+            values[name][rows] = column
+        ok[rows] = holds
+    return values, ok
+
+
+def _first(count: int, column) -> np.ndarray:
+    """The first entries of a column, as an array of its own."""
+    return np.array(column)[:count]
 
 
 @kept_jit
@@ -420,7 +429,7 @@ def solve_rated(
 
 
 def _at_point(here: Compressor, plain: Collocation, solver=None):
-    """Quantities at a point, whether they hold, and whether its cycle may be found in a larger size."""
+    """Quantities at a point, whether they hold, and the events for which its cycle had no room."""
     orbit = solve_rated(here, plain, solver)
     result = performance(here, orbit)
     cycle = orbit.cycle
@@ -433,5 +442,5 @@ def _at_point(here: Compressor, plain: Collocation, solver=None):
     own = (name for name, *_ in QUANTITIES if name not in values)
     values |= {name: getattr(cycle, name) for name in own}
     finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
-    short = jnp.any(may_lack_room(of_each(cycle).status))
-    return values, cycle.converged & orbit.converged & finite, short
+    ok = cycle.converged & orbit.converged & finite
+    return values, ok, events_without_room(of_each(cycle))

@@ -10,37 +10,61 @@ from cylinder.test_cylinder import SPEED, golden, mechanism
 from jaxcomp import SolveFailed, Status
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.cylinder._revolutions import march
-from jaxcomp.cylinder.interface import Cylinders, may_lack_room, prepare
+from jaxcomp.cylinder.interface import Climb, Cylinders, may_lack_room, prepare
 
 TOO_MANY = Status.too_many_events
+
+
+def panels_tried(options, events):
+    """Panels of the sizes that a design with these events goes through; -1 events need no room."""
+    climb = Climb(options.ladder(by_march=False))
+    panels = []
+    for size, rows in climb:
+        panels.append(size.panel_count)
+        climb.note(rows, events)
+    return panels
 
 
 def test_a_machine_takes_the_next_size_with_room_for_its_events():
     options = CycleOptions()
     assert options.panel_count == 48
-    assert options.next_size(Status.converged, np.array(200)) is None
-    assert options.next_size(TOO_MANY, np.array(0)).panel_count == 128
-    assert options.next_size(TOO_MANY, np.array(100)).panel_count == 320
-    assert options.next_size(TOO_MANY, np.array(5000)).panel_count == 768
-    assert CycleOptions(least_panels=40).next_size(TOO_MANY, np.array(0)).panel_count == 107
+    assert panels_tried(options, -1) == [48]
+    assert panels_tried(options, 0) == [48, 128, 320, 768]
+    assert panels_tried(options, 100) == [48, 320, 768]
+    assert panels_tried(options, 5000) == [48, 768]
+    assert panels_tried(CycleOptions(least_panels=40), 0)[1] == 107
 
 
-def test_a_batch_takes_the_size_of_its_largest_member_that_lacks_room():
-    lacking = jax.vmap(lambda fits: Status.where(fits, Status.converged, TOO_MANY))
-    status = lacking(jnp.array([True, False, True]))
-    larger = CycleOptions().next_size(status, np.array([500, 20, 300]))
-    assert larger.panel_count == 128
+def test_designs_of_a_batch_each_take_the_size_that_they_need():
+    climb = Climb(CycleOptions().ladder(), 4)
+    sizes = iter(climb)
+    first, everyone = next(sizes)
+    assert first.panel_count == 48
+    climb.note(everyone, np.array([-1, 20, 100, 30]))
+    second, rows = next(sizes)
+    assert (second.panel_count, [*rows]) == (128, [1, 3])
+    climb.note(rows, np.array([-1, 60]))  # the latter has more than were seen before
+    third, rows = next(sizes)
+    assert (third.panel_count, [*rows]) == (320, [2, 3])
+    climb.note(rows, np.array([-1, -1]))
+    assert next(sizes, None) is None
+
+
+def test_designs_that_lack_room_in_the_largest_size_are_marched():
+    climb = Climb(CycleOptions().ladder(), 1)
+    methods = []
+    for size, rows in climb:
+        methods.append(size.method)
+        climb.note(rows, np.array([100]))
+    assert methods == ["collocation"] * 3 + ["march"]
 
 
 def test_the_march_stands_behind_the_largest_size_alone():
-    options, panels = CycleOptions(), []
-    while options is not None:
-        panels.append(options.panel_count)
-        last, options = options, options.grown()
-    assert panels == [48, 128, 320, 768]
-    assert last.may_march
-    assert last.by_march().method == "march"
-    assert last.by_march().by_march() is None
+    *sizes, march = CycleOptions().ladder()
+    assert [size.panel_count for size in sizes] == [48, 128, 320, 768]
+    assert sizes[-1].may_march
+    assert march.method == "march"
+    assert march.by_march() is None
     assert not CycleOptions().may_march
 
 
@@ -48,7 +72,7 @@ def test_numbers_that_are_given_are_kept():
     given = CycleOptions(panels=30, capacity=500, max_passes=900)
     assert not given.may_grow
     assert not given.may_march
-    assert given.next_size(TOO_MANY, np.array(100)) is None
+    assert given.ladder() == (given,)
     # all but one of given panels may end in an event
     assert bool(given.has_room(29, 10))
     assert not bool(given.has_room(30, 10))

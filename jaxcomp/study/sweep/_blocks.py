@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import version
 from itertools import islice
 from queue import SimpleQueue
@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..._core.errors import BadInput
 from ..._core.status import Status
-from .._problem import in_next_size, of_each, solves_gas
+from .._problem import climb_of, in_size, of_each, solves_gas
 from ..interface import Answer, Problem
 from ._points import Rows, neighbours_together
 
@@ -84,18 +84,23 @@ def block_program(
     It goes from designs [SI] to a call for their quantities [SI], how they ended, and whether these can
     be relied on; NaN where not. The devices share groups of so many designs.
     """
-    once = _once(problem, width, devices)
-    larger = in_next_size(problem, by_march=True)
-    # made where it is needed, and kept for the blocks that follow
-    start_larger = cache(partial(block_program, larger, width, devices))
+
+    @cache  # made where a size is needed, and kept for the blocks that follow
+    def program(size):
+        return _once(in_size(problem, size), width, devices)
 
     def start(rows):
-        running = once(rows)
+        climb = climb_of(problem, len(rows), by_march=True)
+        sizes = iter(climb)
+        size, everyone = next(sizes)
+        running = program(size)(rows)
 
         def wait():
-            values, ok, short, status = running()
-            if larger is not None and short.any():
-                values[short], status[short], ok[short] = start_larger()(rows[short])()
+            values, ok, events, status = running()
+            climb.note(everyone, events)
+            for larger, some in sizes:
+                values[some], ok[some], events, status[some] = program(larger)(rows[some])()
+                climb.note(some, events)
             return np.where(ok[:, None], values, np.nan), status, ok
 
         return wait
@@ -104,7 +109,7 @@ def block_program(
 
 
 def _once(problem: Problem, width: int, devices: Sequence[Device]):
-    """Program of blocks in one size of the cycle, with the designs that a larger one may solve."""
+    """Program of blocks in one size of the cycle, with what tells which designs need a larger one."""
     numbers, rest = eqx.partition(problem, eqx.is_array)
     # A program on a CPU may hold the thread that started it until it ends.
     pool = ThreadPoolExecutor(len(devices), "sweep")
@@ -155,8 +160,9 @@ def _work(problem: Problem, groups, count) -> Answer:
 
     shape = groups.shape[:-1]
     no = jnp.zeros(shape, bool)
+    none = jnp.zeros(shape, int)
     codes = jnp.zeros(shape, Status.converged._value.dtype)
-    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, no, codes)
+    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, none, codes)
     return jax.lax.fori_loop(0, count, step, empty)
 
 

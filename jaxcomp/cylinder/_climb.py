@@ -1,0 +1,148 @@
+"""The sizes of the cycle's program that designs climb, until each has room for its events.
+
+How many events of the valves a revolution has is known once it has been marched. A single machine, the
+designs of a sweep and the points of a map climb alike: those that lack room in one size are tried again,
+together, in the next that has room for what was seen of them.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import TypeVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from .._core.status import raise_at_run_time
+from ._cycle import Cycle
+from ._options import CycleOptions, may_lack_room
+from ._several import SeveralCycles, is_solved, of_each
+
+Answer = TypeVar("Answer")
+
+# In place of a number of events, of a cycle that needs no more room.
+_FITS = -1
+
+
+def events_without_room(cycle: Cycle) -> Int[Array, ""]:
+    """Events seen in a cycle that may be found in a larger size; -1 where it needs none.
+
+    Args:
+        cycle: of one cylinder, or with an axis of several, of which the one with most events counts.
+    """
+    lacks = may_lack_room(cycle.status)
+    return jnp.max(jnp.where(lacks, cycle.event_count, _FITS))
+
+
+class Climb:
+    """Designs on their way through the sizes: which of them are to be tried in which size.
+
+    Iterating over it yields the options of a size and the numbers of the designs that are tried in it,
+    and `note` wants to know what was seen of these before the next size is asked for.
+    """
+
+    def __init__(self, ladder: "Sequence[CycleOptions | None]", count: int = 1):
+        """Designs at the foot of a ladder.
+
+        Args:
+            ladder: options of every size, see `CycleOptions.ladder`; one that is `None` for designs
+                without valves, which need no sizes.
+            count: of the designs.
+        """
+        self._ladder = ladder
+        self._rung = np.zeros(count, int)
+
+    def __iter__(self) -> "Iterator[tuple[CycleOptions | None, Int[np.ndarray, ' rows']]]":
+        """Options of each size that is asked for, and the designs in it."""
+        for rung, options in enumerate(self._ladder):
+            rows = np.flatnonzero(self._rung == rung)
+            if rows.size:
+                yield options, rows
+
+    def note(self, rows: Int[np.ndarray, " rows"], events) -> None:
+        """Take down what was seen of designs.
+
+        Args:
+            rows: numbers of the designs.
+            events: (rows,) of each, as `events_without_room` counts them.
+        """
+        for row, seen in zip(rows, np.atleast_1d(np.asarray(events)), strict=True):
+            self._rung[row] = self._next_rung(self._rung[row], seen)
+
+    def _next_rung(self, rung: int, events: int) -> int:
+        """The next size that has room for the events; the top for a design that needs none."""
+        top = len(self._ladder)
+        if events == _FITS:
+            return top
+        for above in range(rung + 1, top):
+            options = self._ladder[above]
+            assert options is not None
+            if not options.may_grow or options.has_room(events, 0):
+                return above
+        return top
+
+
+def climbed(
+    solve: Callable[[CycleOptions], Answer], options: CycleOptions, by_march: bool = True
+) -> tuple[Answer, CycleOptions]:
+    """A machine in the size that has room for it, and the options of that size.
+
+    Args:
+        solve: by options; the answer is a cycle, or has it as `cycle`.
+        options: of the first size.
+        by_march: whether the march stands behind the largest size.
+    """
+    climb = Climb(options.ladder(by_march))
+    reached = None
+    for size, rows in climb:
+        assert size is not None
+        answer = solve(size)
+        cycle = of_each(getattr(answer, "cycle", answer))
+        is_march_behind = reached is not None and size.method != options.method
+        if is_march_behind and not bool(is_solved(cycle)):
+            break  # what collocation found out in the largest size says more
+        reached = answer, size
+        climb.note(rows, events_without_room(cycle))
+    assert reached is not None
+    return reached
+
+
+def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
+    """Evidence of how far a solution came that was not found, for the message."""
+    each = of_each(cycle)
+    return _evidence(options, each.event_count, each.revolutions, each.residual)
+
+
+def _evidence(options: CycleOptions, events, revolutions, residual) -> str:
+    return (
+        f"{int(np.max(events))} events of the valves in a revolution on {options.panel_count} panels, "
+        f"{int(np.max(revolutions))} revolutions marched, last change of the cycle "
+        f"{float(np.max(residual)):.2g}"
+    )
+
+
+def _size_with_room(options: CycleOptions, events: int) -> CycleOptions | None:
+    """The next size that has room for so many events; `None` where there is none."""
+    climb = Climb(options.ladder(by_march=False))
+    climb.note(np.zeros(1, int), events)
+    return next((size for size, _ in climb), None)
+
+
+def _evidence_in_program(options: CycleOptions, events, revolutions, residual) -> str:
+    told = _evidence(options, events, revolutions, residual)
+    larger = _size_with_room(options, int(np.max(events)))
+    if larger is not None:
+        told += (
+            "; a compiled program has one size: solve and differentiate outside of `jit`, where the size "
+            f"follows from the machine, or give CycleOptions(least_panels={larger.panel_count}, "
+            f"capacity={larger.kept_steps}, max_passes={larger.passes_of_revolution})"
+        )
+    return f"{told}; `throw=False` leaves it to `status`"
+
+
+def raise_where_unsolved(cycle: Cycle | SeveralCycles, options: CycleOptions) -> None:
+    """Let a traced program end with an error where its cycle was not found."""
+    each = of_each(cycle)
+    told = partial(_evidence_in_program, options)
+    numbers = each.event_count, each.revolutions, each.residual
+    raise_at_run_time(each.status, ~is_solved(each), told, *numbers)
