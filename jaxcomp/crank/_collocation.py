@@ -52,7 +52,7 @@ def default_cycle() -> CycleOptions:
     """Options for the cycle where it is solved with the crank: its panels are those of the crank as
     well.
     """
-    return CycleOptions(least_panels=40, nodes=8)
+    return CycleOptions(least_panels=40, first_nodes=8)
 
 
 class Collocation(eqx.Module):

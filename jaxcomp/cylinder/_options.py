@@ -37,6 +37,8 @@ SIZES = (
 # Panels for every stretch between two events, so that the course between them is resolved. On 48 panels
 # 9 of 100 scattered machines, all with 25 events and more, were off by 1e-5 to 9e-5.
 _PANELS_PER_STRETCH = 2.5
+# Gauss nodes on a panel, of which so many panels lie between two events.
+_NODES = 6
 # [-] Resolution beyond which more panels are taken: such cycles were off by 1e-5 and more.
 COARSE = 3e-3
 
@@ -50,7 +52,7 @@ class CycleOptions(eqx.Module):
         method: "collocation" marches until the sequence of events stands and then solves for the
             whole revolution by Newton's method; "march" goes on marching. With quasi-steady ports
             the march is all there is, and derivatives are refused.
-        nodes: Gauss nodes on every panel.
+        nodes: Gauss nodes on every panel; six if absent, and `first_nodes` in the first size.
         panels: into which the revolution is cut; one more than events are needed at least.
         tolerance: [-] last step of Newton's method.
         march_tolerance: [-] error of a step of the march before the collocation; a tenth of it in every
@@ -62,12 +64,13 @@ class CycleOptions(eqx.Module):
         max_passes: tries of steps in a revolution.
         capacity: steps of a revolution that are kept.
         least_panels: of the smallest size.
+        first_nodes: on every panel of the smallest size, whose panels are wider than those of others.
         size: of `SIZES`, with which a solution begins.
         cylinders: that are solved together; panels and steps are those of each.
     """
 
     method: Literal["collocation", "march"] = eqx.field(static=True, default="collocation")
-    nodes: int = eqx.field(static=True, default=6)
+    nodes: int | None = eqx.field(static=True, default=None)
     panels: int | None = eqx.field(static=True, default=None)
     tolerance: float | Float[Array, ""] = 1e-11
     march_tolerance: float | Float[Array, ""] = 3e-5
@@ -78,6 +81,7 @@ class CycleOptions(eqx.Module):
     max_passes: int | None = eqx.field(static=True, default=None)
     capacity: int | None = eqx.field(static=True, default=None)
     least_panels: int = eqx.field(static=True, default=48)
+    first_nodes: int = eqx.field(static=True, default=_NODES)
     size: int = eqx.field(static=True, default=0)
     cylinders: int = eqx.field(static=True, default=1)
 
@@ -86,6 +90,13 @@ class CycleOptions(eqx.Module):
         """Panels of the program."""
         of_each = self.panels or round(self.least_panels * SIZES[self.size].growth)
         return self.cylinders * of_each
+
+    @property
+    def panel_nodes(self) -> int:
+        """Gauss nodes on every panel of the program."""
+        if self.nodes is not None:
+            return self.nodes
+        return self.first_nodes if self.size == 0 else _NODES
 
     @property
     def kept_steps(self) -> int:

@@ -362,7 +362,7 @@ def _count_events(record: Record):
 
 def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
     """Panels after a march, whether they have room for it among them, and the number of events."""
-    mesh, z = lay_mesh(end.record, options.panel_count, options.nodes)
+    mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
     events = _count_events(end.record)
     steps = jnp.where(end.whole, 0, options.kept_steps + 1)
     return mesh._replace(fits=mesh.fits & options.has_room(events, steps)), z, events
@@ -519,7 +519,7 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
 
 def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
     p = options.panel_count
-    s = options.nodes
+    s = options.panel_nodes
     none = jnp.zeros((), int)
     flat = jnp.zeros(p, int)
     mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))

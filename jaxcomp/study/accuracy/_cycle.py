@@ -108,7 +108,7 @@ def derivatives(rows: Sequence[Measurement]) -> DerivativeCheck | None:
 
     `None` with quasi-steady ports.
     """
-    label = _LABEL.format(CycleOptions().nodes)
+    label = _LABEL.format(CycleOptions().panel_nodes)
     found = {row.task: row for row in rows if row.setting == label}
     if "value" not in found or "gradient" not in found:
         return None
