@@ -16,7 +16,7 @@ from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, r
 from .crankshaft import Crankshaft
 from .crankshaft.interface import MachineLoops, machine_loops
 from .cylinder import Cylinder
-from .cylinder.interface import check_settings, ports_fit
+from .cylinder.interface import check_settings, pipings, ports_fit
 from .friction import AbstractFriction, JointLoads
 from .friction.interface import closed
 from .gas import AbstractGas, StagedCycle, Stroke
@@ -63,6 +63,7 @@ class Compressor(Part):
     def __check_init__(self):
         _check_lists(self)
         _check_ports(self)
+        _check_pipes(self)
         wanted = getattr(self.mechanism, "kind", None)
         if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
             kind = getattr(self.friction, "kind", type(self.friction).__name__)
@@ -162,6 +163,23 @@ def _check_ports(compressor: Compressor) -> None:
             bore = 2 * jnp.sqrt(jnp.min(mechanism.piston_area) / jnp.pi)
             diameter = getattr(gas, name).port_diameter
             raise BadInput(f"gas.{name}.port_diameter", diameter, f"< {bore:.5g} m, the bore")
+
+
+def _check_pipes(compressor: Compressor) -> None:
+    """Refuse pipes that are wider than five bores, as of a diameter in millimetres."""
+    gas = compressor.gas
+    if not isinstance(gas, Cylinder):
+        return
+    bore = 2 * jnp.sqrt(jnp.max(compressor.mechanism.piston_area) / jnp.pi)
+    for name, piping in zip(("suction", "discharge"), pipings(gas), strict=True):
+        if piping is None:
+            continue
+        for number, pipes in enumerate(piping.pipes):
+            fit = pipes.diameter <= 5 * bore
+            if not is_traced(fit) and not bool(jnp.all(fit)):
+                bound = f"<= {5 * bore:.5g} m, five times the bore"
+                where = f"gas.{name}.piping.pipes.{number}.diameter"
+                raise BadInput(where, pipes.diameter, bound)
 
 
 @runtime_checkable

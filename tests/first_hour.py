@@ -153,6 +153,12 @@ R290 = "refrigeration"
 
 FILES = {
     "unit of another dimension": _file(BORE, 'bore = "50 kg"', "mechanism.bore", "50 kg", "m"),
+    "volume at a node that no pipe has": _file(
+        'node = "bottle"', 'node = "botle"', "volumes.0.node", "botle", "bottle", kind="pipes"
+    ),
+    "one length too few for pipes": _file(
+        'length = ["0.2 m", ', "length = [", "pipes.0.length", "4 gaps", kind="pipes"
+    ),
     "misspelt unit": _file(BORE, 'bore = "50 milimeter"', "mechanism.bore", "milimeter", "130 mm"),
     "length in mm without unit": _file(BORE, "bore = 50", "mechanism.bore", "50", "mm"),
     "pressure in bar without unit": _file(
@@ -345,6 +351,9 @@ FILES = {
 WBHE = "mayekawa-wbhe"
 IDENTIFY = f"identify {R22} --vary mechanism.bore=40mm:80mm --data"
 COMMANDS = {
+    "pulsation of a machine without pipes": _cli(
+        f"pulsation {WBHE}", "gas.suction.piping", "gas.discharge.piping"
+    ),
     "a step that does not divide a turn": _cli(
         "run mayekawa-wbhe --step 0.7 --out r", "--step 0.7", "must divide 360"
     ),

@@ -25,6 +25,8 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     if "impact_speed" in result:
         yield _power(result)
         yield _valves(result)
+    if "pulsation" in result:
+        yield _pipes(result)
     yield _losses(result)
     yield _forces(result)
     yield from _shaking(result)
@@ -144,6 +146,23 @@ def _valves(result: dict[str, Any]):
     ]
     speeds = (("Impact on seat, m/s", ".3g"), ("On stop, m/s", ".3g"))
     return row_table(None, ("Valve", *speeds, ("Shuts last at, degrees", ".1f")), rows)
+
+
+def _pipes(result: dict[str, Any]):
+    """Table of the pressures in pipes, with what they cost."""
+    values = result["pulsation"]
+    drops = result["pressure_drop"]
+    nodes = [name.removesuffix(".mean") for name in values if name.endswith(".mean")]
+    rows = []
+    for node in nodes:
+        drop = drops.get(node)
+        lost = "" if drop is None else f"{drop:.4g}"
+        orders = [f"{values[f'{node}.order_{order}']:.4g}" for order in range(1, 5)]
+        rows.append((node, values[f"{node}.peak_to_peak"], *orders, lost))
+    orders = tuple(f"Order {order}" for order in range(1, 5))
+    heads = ("Pressure in pipes", ("Peak to peak, Pa", ".5g"), *orders, "Mean drop, Pa")
+    caption = f"least limit of API 618 over its pulsation: {result['pulsation_margin']:.3g}"
+    return row_table(None, heads, rows, caption=caption)
 
 
 def _forces(result: dict[str, Any]):

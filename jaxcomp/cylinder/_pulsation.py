@@ -21,6 +21,8 @@ _INSTANTS = 24
 # delivered flow is off there, in parts of its square: by Euler's equations, at most 0.35.
 LARGE = 0.15
 _ERROR = 0.35
+# [-] Root of the slope of Bessel's function of order 1: the first wave across a round pipe.
+_ACROSS = 1.8412
 # [-] Mach number of the mean flow beyond which it carries the waves along.
 FAST = 0.15
 
@@ -272,7 +274,26 @@ class Pulsation(Result, eqx.Module):
             words.append(
                 f"fast_flow: Mach {mach:.2f} in a pipe; mean flow does not carry waves here"
             )
+        highest = self._highest_plane()
+        orders = self.flows[0].heat.size // 2
+        if highest < orders:
+            words.append(
+                f"beyond_plane_waves: from order {highest + 1} on waves across the widest pipe are "
+                "possible, which are left out"
+            )
         return words
+
+    def _highest_plane(self) -> int:
+        """Highest order at which waves in all pipes are plane."""
+        limits = []
+        for side, line, _ in self.lines:
+            waves = self.waves[side]
+            assert waves is not None
+            gas = line.gas(waves.temperature)
+            widest = jnp.max(line.network(gas).diameter)
+            frequency = _ACROSS * gas.sound_speed / (np.pi * widest)
+            limits.append(int(frequency * 2 * np.pi / self.case.speed))
+        return min(limits)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""

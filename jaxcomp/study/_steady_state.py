@@ -236,6 +236,7 @@ def steady_state(
         (
             *_remarks(compressor, margins, rods),
             *_remarks_on_stability(orbit.cycle),
+            *_remarks_on_pipes(orbit.cycle),
             *_remarks_on_range(orbit.cycle),
         ),
         moved_films(compressor, orbit) if moving_films else None,
@@ -340,6 +341,13 @@ def _remarks_on_range(cycle: Any) -> Iterator[str]:
         reached = f"The gas reaches {hottest - ZERO_CELSIUS:.0f} °C"
         end = f"beyond {most - ZERO_CELSIUS:.0f} °C, up to which the equation of state of"
         yield f"{reached}, {end} {fluid.range_ends_with} was fitted."
+
+
+def _remarks_on_pipes(cycle: Any) -> Iterator[str]:
+    """Remarks on waves in pipes that are beyond the range of their equations."""
+    pulsation = getattr(cycle, "pulsation", None)
+    if pulsation is not None:
+        yield from pulsation.remarks
 
 
 def _remarks_on_stability(cycle: Any) -> Iterator[str]:

@@ -96,6 +96,7 @@ def test_pipes_of_a_file_are_read():
         ('["0.1 m", "0.6 m", "1.8 m"]', '["0.1 m", "0 m", "1.8 m"]', "pipes.0.length", "> 0"),
         ('length = "0.5 m"', 'length = "2 km"', "pipes.1.length", "1000"),
         ('diameter = "30 mm"', 'diameter = "0.5 mm"', "pipes.1.diameter", "0.001"),
+        ('diameter = "30 mm"', 'diameter = "400 mm"', "pipes.1.diameter", "five times"),
         ('volume = "4 l"', 'volume = "-4 l"', "volumes.0.volume", "> 0"),
         ('node = "bottle"', 'node = "line"', "volumes.0.node", "line"),
         ('node = "bottle"', 'node = "botle"', "volumes.0.node", "bottle"),
