@@ -11,6 +11,7 @@ import pytest
 from reference_pipes import AIR, SPEED, crank, cylinder, solved, suction_pipe
 
 from jaxcomp import BadInput, Status
+from jaxcomp._core.fields import replaced
 from jaxcomp.cylinder import CycleOptions, Cylinder, Plenum, SuctionLine, solve_cycle
 from jaxcomp.cylinder.interface import solve_cycles
 from jaxcomp.piping import ClosedEnd, Orifice, Pipes, Piping, Run, Volume
@@ -237,3 +238,48 @@ def test_what_pipes_do_not_go_with_is_refused():
     )
     with pytest.raises(BadInput, match="flange-1"):
         solve_cycle(cylinder(numbered), crank(), SPEED)
+
+
+@OWN_PROGRAM
+def test_gas_of_the_discharge_pipe_has_the_temperature_of_what_is_delivered():
+    cycle = solved(None, discharge_pipe(None))
+    assert cycle.status == Status.converged
+    temperature = float(cycle.pulsation.waves[1].temperature[0] * cycle.case.discharge.T)
+    assert temperature == pytest.approx(float(cycle.discharge_temperature), rel=1e-12)
+    given = solved(None, discharge_pipe(temperature))
+    assert float(given.indicated_work) == pytest.approx(float(cycle.indicated_work), rel=1e-10)
+
+
+@OWN_PROGRAM
+def test_derivatives_in_all_that_a_network_has():
+    """Losses of walls, turbulent friction, a bottle and a hole with a square law; speed and a spring."""
+
+    def figures(numbers):
+        length, diameter, volume, hole, speed, stiffness = numbers
+        chain = Pipes(
+            ("flange", "bottle", "far"),
+            jnp.stack([0.3 + 0 * length, length]),
+            jnp.stack([0.05 + 0 * diameter, diameter]),
+        )
+        holes = (Orifice(("far", "line"), diameter=hole),)
+        piping = Piping((chain,), (Volume("bottle", volume),), holes)
+        machine = cylinder(piping)
+        valve = replaced(machine.suction_valve, stiffness=stiffness)
+        cycle = solve_cycle(replaced(machine, suction_valve=valve), crank(), speed)
+        pulsation = cycle.pulsation
+        return jnp.stack(
+            [
+                cycle.indicated_work,
+                cycle.volumetric_efficiency,
+                pulsation.pressures["flange.order_2"],
+                pulsation.mean_drops["flange"],
+            ]
+        )
+
+    point = jnp.array([1.2, 0.045, 5e-4, 0.03, SPEED, 800.0])
+    slopes = jax.jacfwd(figures)(point)
+    for place in range(point.size):
+        step = jnp.zeros(point.size).at[place].set(1e-5 * point[place])
+        difference = (figures(point + step) - figures(point - step)) / (2e-5 * point[place])
+        # seen: 1.5e-6 at most, of the small slope of the work in the speed
+        np.testing.assert_allclose(slopes[:, place], difference, rtol=1e-5)
