@@ -176,7 +176,7 @@ def test_derivatives_by_pocket_and_release_are_those_of_differences():
     for column in range(2):
         there = jnp.zeros(2).at[column].set(step)
         wanted = (outputs(there) - outputs(-there)) / (2 * step)
-        # cycles known to 1e-10 over the step; the release is no edge of the panels, through which it moves
+        # cycles are known to 1e-10, over the step; the release moves through panels as no edge of theirs
         error = (1e-3, 1e-4)[column]
         np.testing.assert_allclose(slopes[:, column], wanted, rtol=error, atol=1e-6)
 
