@@ -59,6 +59,22 @@ def frozen(tree: Y) -> Y:
     return jax.tree.map(without_derivatives, tree)
 
 
+@jax.custom_jvp
+def only_of_solved(values: Float[Array, "*n"], solved: Bool[Array, ""]) -> Float[Array, "*n"]:
+    """The values, whose derivatives are not a number where nothing was solved.
+
+    What an iteration leaves that has not ended does not depend on its parameters as a solution does, and
+    often not at all.
+    """
+    return values
+
+
+@only_of_solved.defjvp
+def _only_of_solved_jvp(primals, tangents):
+    values, solved = primals
+    return only_of_solved(values, solved), tangents[0] * jnp.where(solved, 1.0, jnp.nan)
+
+
 def zeros_of(function: Callable[..., Any], *arguments) -> Any:
     """Zeros in the shapes of what a function returns, which is traced and not computed."""
     shapes = eqx.filter_eval_shape(function, *arguments)

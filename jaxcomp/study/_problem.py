@@ -15,6 +15,7 @@ from .._core.arguments import listed_names
 from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
 from .._core.results import Data, with_unit
+from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
@@ -151,6 +152,8 @@ class Problem(eqx.Module):
         unnamed = ~ok & (status == Status.converged)
         code = jnp.where(unnamed, UNNAMED, status._value)
         events = jnp.where(inside, found.events_without_room, -1)
+        # out of bounds there is the slope of the nearest design, by which a search finds back
+        values = only_of_solved(values, ok | ~inside)
         return Answer(values, ok, events, code)
 
 
@@ -343,12 +346,10 @@ def _answers(problem: Problem, points):
             # not `jacfwd`, where an iterative rule of a derivative gives `ok` an axis of directions
             _, forward, answer = jax.linearize(values, point, has_aux=True)
             slope = jax.vmap(forward, out_axes=1)(jnp.eye(point.size))
-        return (
-            answer.values,
-            answer.ok & jnp.all(jnp.isfinite(slope)),
-            slope,
-            answer.events_without_room,
-        )
+        ok = answer.ok & jnp.all(jnp.isfinite(slope))
+        # a line search that meets a design without a solution goes back, but not from what is no number
+        slope = jnp.where(jnp.isfinite(slope), slope, 0.0)
+        return answer.values, ok, slope, answer.events_without_room
 
     return of_each(one, problem, points)
 
