@@ -51,11 +51,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """
     known = sorted(known)
     near = _meant(word, known)
+    key, relation = _also_said(word, known)
+    # another word for the same thing is nearer than one that looks alike
+    if key and (near is None or word in _ALSO_SAID):
+        return f'; did you mean "{key}", {relation}?'
     if near is not None:
         return f"; did you mean {near}?"
-    key, relation = _also_said(word, known)
-    if key:
-        return f'; did you mean "{key}", {relation}?'
     return f"; known here: {', '.join(known)}" if known else ""
 
 

@@ -1,5 +1,6 @@
 """Frequencies at which a network rings by itself while its flanges are shut."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -53,6 +54,16 @@ def _newton(network: Network, gas: PipeGas, start):
     return lax.fori_loop(0, _STEPS, advance, start)
 
 
+@jax.jit
+def _roots(network: Network, gas: PipeGas, starts: Complex[Array, " r"]) -> Complex[Array, " r"]:
+    """Roots near all starts.
+
+    One after the other: singular values of a batch are shared out among the threads of XLA, and where a
+    machine has but one of these the program waited for itself without end.
+    """
+    return lax.map(partial(_newton, network, gas), starts)
+
+
 def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Complex[Array, ""]:
     """Root s [1/s] of the network's free vibration near a start, with its first derivatives.
 
@@ -69,6 +80,12 @@ def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Comp
     right, left = lax.stop_gradient(_null_vectors(matrix))
     weight = lax.stop_gradient(left.conj() @ slope @ right)
     return s - (left.conj() @ _matrix(network, gas, s) @ right) / weight
+
+
+@jax.jit
+def _followed(network: Network, gas: PipeGas, roots: Complex[Array, " r"]) -> Complex[Array, " r"]:
+    """Roots that were found, with their derivatives."""
+    return lax.map(partial(root_near, network, gas), roots)
 
 
 def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
@@ -93,13 +110,13 @@ def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
         none = jnp.zeros(0)
         return Resonances(none, none, none + 0j)
     starts = 2j * np.pi * jnp.asarray(sorted(peaks))
-    roots = np.asarray(jax.jit(jax.vmap(_newton, (None, None, 0)))(*fixed, starts))
+    roots = np.asarray(_roots(*fixed, starts))
     distinct = []
     for root in sorted(roots, key=lambda root: root.imag):
         inside = 0 < root.imag <= 2 * np.pi * highest * (1 + 1e-9)
         if inside and all(abs(root - other) > _SAME * abs(root) for other in distinct):
             distinct.append(root)
-    followed = jax.vmap(root_near, (None, None, 0))(network, gas, jnp.asarray(distinct))
+    followed = _followed(network, gas, jnp.asarray(distinct))
     damping = jnp.abs(followed.real)
     # without losses Q has no bound
     quality = followed.imag / (2 * jnp.maximum(damping, 1e-12 * followed.imag))

@@ -116,7 +116,7 @@ def critical_ratio(kappa):
     return jnp.exp(-0.5 * kappa * slope)
 
 
-def enthalpy_drop(kappa, r) -> Float[Array, ""]:
+def enthalpy_drop(kappa: Float[Array, ""], r: Float[Array, ""]) -> Float[Array, ""]:
     """Isentropic enthalpy drop over p_1/rho_1, finite for kappa = 1."""
     log = jnp.log(r)
     z = (kappa - 1) / kappa * log

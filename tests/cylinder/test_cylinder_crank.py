@@ -92,7 +92,7 @@ def test_run_writes_the_pictures_of_a_cycle(tmp_path):
 def test_a_map_writes_its_points_and_pictures(tmp_path, monkeypatch):
     """Of numbers that no compressor has: what is tested is what becomes of them."""
 
-    def made_up(scene, evaporating, condensing, standard, options, solver):
+    def made_up(scene, evaporating, condensing, standard, options, solver, reference):
         S, D = np.meshgrid(evaporating, condensing, indexing="ij")
         values = {name: S + number * D for number, (name, _, _) in enumerate(QUANTITIES)}
         values["cop"][0, 0] = np.nan
@@ -253,7 +253,7 @@ def test_the_terminal_and_the_file_of_coefficients_state_one_error(tmp_path, mon
 def test_a_map_tells_the_error_of_its_polynomial_at_every_point(tmp_path, monkeypatch):
     """A polynomial that is 3 W too high at one point of sixteen."""
 
-    def made_up(scene, evaporating, condensing, standard, options, solver):
+    def made_up(scene, evaporating, condensing, standard, options, solver, reference):
         shape = len(evaporating), len(condensing)
         row = np.zeros(10)
         row[0] = 900.0

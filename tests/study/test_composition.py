@@ -95,6 +95,7 @@ def test_sensitivity_to_a_fraction_is_that_of_the_moved_composition():
     assert {one.name for one in given_numbers(scene.machine)} >= {R32}
 
 
+@pytest.mark.slow  # two studies, each design of which has its lines solved
 def test_sweep_and_tolerance_are_those_of_files():
     scene = design_of("R454C")
     shares = [0.18, 0.215, 0.25]

@@ -66,17 +66,18 @@ def test_points_that_were_not_fitted(name, data):
 
 
 def test_points_without_a_cycle_are_solved_together_in_larger_sizes(monkeypatch):
-    """The third point of four fits the second size, the last one the third."""
+    """The second point of four fits the second size, the last one the third."""
     tried = []
 
     def along(compressor, rating, options, solver, evaporating, condensing):
         tried.append((options.panel_count, evaporating.size))
         needs = np.where(condensing > 321, np.where(evaporating > 251, 200, 100), 10)
         fits = options.panel_count >= needs
-        return {name: evaporating + condensing for name, *_ in QUANTITIES}, fits, ~fits
+        events = np.where(fits, -1, needs // 3)
+        return {name: evaporating + condensing for name, *_ in QUANTITIES}, fits, events
 
     monkeypatch.setattr("jaxcomp.study.rating._along", along)
     found = rating_map(load("r134a-7cc"), [250.0, 255.0], [320.0, 325.0])
     assert found.ok.all()
-    assert tried == [(48, 4), (128, 2), (320, 1)]
+    assert tried == [(48, 4), (128, 1), (320, 1)]  # each goes where its events have room
     np.testing.assert_array_equal(found.values["power"], [[570, 575], [575, 580]])
