@@ -25,6 +25,7 @@ from jaxcomp.friction import (
 from jaxcomp.gas import PolytropicCycle
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import MeanSpeed
+from jaxcomp.valve import PlateValve
 
 RPM = np.pi / 30
 
@@ -288,3 +289,17 @@ def with_films(design):
 
     at = lambda c: (c.friction.crank_pin, c.crankshaft.main_journal)  # noqa: E731
     return eqx.tree_at(at, design, (journal(0.05), journal(0.06)))
+
+
+def plate_valve(valve, unloader=None):
+    """Valve of the package with the numbers of one of `reference_ends`."""
+    return PlateValve(
+        mass=valve.mass,
+        damping=valve.damping,
+        stiffness=valve.stiffness,
+        preload=valve.preload,
+        stop=valve.stop,
+        port_diameter=valve.diameter,
+        port_length=valve.length,
+        unloader=unloader,
+    )

@@ -99,30 +99,23 @@ class Pulsation(Result, eqx.Module):
             tau: [rad] time over a revolution, from the top dead centre of the first cylinder.
         """
         series = self.series()[node]
-        orders = (series.size - 1) // 2
-        angle = jnp.arange(1, orders + 1) * tau[:, None]
-        return (
-            series[0]
-            + jnp.cos(angle) @ series[1 : 1 + orders]
-            + jnp.sin(angle) @ series[1 + orders :]
-        )
+        cosine, sine = _waves_of(series)
+        angle = jnp.arange(1, cosine.size + 1) * tau[:, None]
+        return series[0] + jnp.cos(angle) @ cosine + jnp.sin(angle) @ sine
 
     def spectra(self) -> dict[str, Float[Array, " n"]]:
         """Amplitudes [Pa] of the harmonics at every node, from the first."""
-        spectra = {}
-        for node, series in self.series().items():
-            orders = (series.size - 1) // 2
-            spectra[node] = _sizes(series[1 : 1 + orders], series[1 + orders :])
-        return spectra
+        return _spectra(self.series())
 
     @property
     def pressures(self) -> dict[str, Float[Array, ""]]:
         """[Pa] Peak to peak, mean and first orders at every node, by NODE.peak_to_peak and so on."""
         values = {}
-        spectra = self.spectra()
-        for node, series in self.series().items():
-            values[f"{node}.peak_to_peak"] = peak_to_peak(series)
-            values[f"{node}.mean"] = series[0]
+        series = self.series()
+        spectra = _spectra(series)
+        for node, row in series.items():
+            values[f"{node}.peak_to_peak"] = peak_to_peak(row)
+            values[f"{node}.mean"] = row[0]
             for order in range(1, NAMED_ORDERS + 1):
                 if order <= spectra[node].size:
                     values[f"{node}.order_{order}"] = spectra[node][order - 1]
@@ -134,7 +127,7 @@ class Pulsation(Result, eqx.Module):
         limits = []
         ratio = self.case.discharge.p / self.case.suction.p
         series = self.series()
-        spectra = self.spectra()
+        spectra = _spectra(series)
         for side, line, _ in self.lines:
             waves = self.waves[side]
             assert waves is not None
@@ -185,10 +178,8 @@ class Pulsation(Result, eqx.Module):
     def shaking_forces(self) -> dict[str, Float[Array, ""]]:
         """[N] Amplitudes of the forces on the runs of pipe, by RUN.order_1 and so on."""
         forces = {}
-        for run, series in self.shaking_series().items():
-            orders = (series.size - 1) // 2
-            sizes = _sizes(series[1 : 1 + orders], series[1 + orders :])
-            for order in range(1, min(NAMED_ORDERS, orders) + 1):
+        for run, sizes in _spectra(self.shaking_series()).items():
+            for order in range(1, min(NAMED_ORDERS, sizes.size) + 1):
                 forces[f"{run}.order_{order}"] = sizes[order - 1]
         return forces
 
@@ -308,19 +299,32 @@ class Pulsation(Result, eqx.Module):
         yield Data("pulsation_linear_error", "", self.linear_error)
 
 
-def _sizes(cosine, sine):
-    # double where: the root has no slope at zero, as of odd orders of two cylinders
-    square = cosine**2 + sine**2
-    some = square > 0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+def _waves_of(series: Float[Array, " h"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+    """Cosines and sines of a series, without its mean."""
+    orders = (series.size - 1) // 2
+    return series[1 : 1 + orders], series[1 + orders :]
+
+
+def _spectra(series: dict[str, Float[Array, " h"]]) -> dict[str, Float[Array, " n"]]:
+    """Amplitudes of the harmonics of every series, from the first."""
+    spectra = {}
+    for name, row in series.items():
+        cosine, sine = _waves_of(row)
+        # double where: the root has no slope at zero, as of odd orders of two cylinders
+        square = cosine**2 + sine**2
+        some = square > 0
+        spectra[name] = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+    return spectra
 
 
 def peak_to_peak(series: Float[Array, " h"]) -> Float[Array, ""]:
     """Highest less lowest value of a series over a revolution."""
-    orders = (series.size - 1) // 2
+    cosine, sine = _waves_of(series)
+    orders = cosine.size
     tau = 2 * np.pi * np.arange(_INSTANTS * orders) / (_INSTANTS * orders)
+    # a table of numbers, which is no part of a program
     angle = np.arange(1, orders + 1) * tau[:, None]
-    values = np.cos(angle) @ series[1 : 1 + orders] + np.sin(angle) @ series[1 + orders :]
+    values = np.cos(angle) @ cosine + np.sin(angle) @ sine
     return jnp.max(values) - jnp.min(values)
 
 

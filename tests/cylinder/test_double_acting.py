@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
@@ -16,7 +17,6 @@ from jaxcomp.machine import Machine
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import ConstantSpeed
 from jaxcomp.study import steady_state
-from jaxcomp.valve import PlateValve
 
 BORE, RADIUS, LENGTH, MASS, ROD = 0.2, 0.06, 0.3, 30.0, 0.05
 SPEED, AMBIENT = 77.5, 1.1e5
@@ -29,24 +29,12 @@ RINGS = LaminarGap(4e-5, 0.03, 2e-5)
 PACKING = LaminarGap(2e-5, 0.06, 2e-5)
 
 
-def plate(valve):
-    return PlateValve(
-        mass=valve.mass,
-        damping=valve.damping,
-        stiffness=valve.stiffness,
-        preload=valve.preload,
-        stop=valve.stop,
-        port_diameter=valve.diameter,
-        port_length=valve.length,
-    )
-
-
 def cylinder(**changes):
     """Air, with a smaller discharge valve at the crank end."""
     crank_end = CrankEnd(
         rod_diameter=ROD,
         clearance_ratio=CRANK,
-        discharge_valve=plate(NARROW),
+        discharge_valve=plate_valve(NARROW),
         packing=PACKING,
         ambient_pressure=AMBIENT,
     )
@@ -54,8 +42,8 @@ def cylinder(**changes):
         "fluid": PerfectGas(287.0, 1.4),
         "suction": SuctionLine(pressure=LOW, temperature=WARM),
         "discharge": DischargeLine(pressure=HIGH),
-        "suction_valve": plate(SUCTION),
-        "discharge_valve": plate(DISCHARGE),
+        "suction_valve": plate_valve(SUCTION),
+        "discharge_valve": plate_valve(DISCHARGE),
         "clearance_ratio": HEAD,
         "leakage": RINGS,
         "crank_end": crank_end,
@@ -242,7 +230,7 @@ def test_what_cannot_be_is_refused_by_name():
     with pytest.raises(BadInput, match="wall_temperature"):
         cylinder(**heat)
     with pytest.raises(BadInput, match="bore"):
-        throw(cylinder(discharge_valve=plate(DISCHARGE), crank_end=thick_rod()))
+        throw(cylinder(discharge_valve=plate_valve(DISCHARGE), crank_end=thick_rod()))
 
 
 def thick_rod():

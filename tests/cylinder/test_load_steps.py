@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
@@ -27,7 +28,7 @@ from jaxcomp.machine import Machine
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import ConstantSpeed
 from jaxcomp.study import load_steps
-from jaxcomp.valve import PlateValve, Unloader
+from jaxcomp.valve import Unloader
 
 BORE, RADIUS, LENGTH, ROD, SPEED = 0.2, 0.06, 0.3, 0.05, 77.5
 LOW, HIGH, WARM = 1e5, 3.2e5, 300.0
@@ -39,26 +40,13 @@ LATE = np.deg2rad(250.0)
 POCKET = 6e-4
 
 
-def plate(valve, unloader=None):
-    return PlateValve(
-        mass=valve.mass,
-        damping=valve.damping,
-        stiffness=valve.stiffness,
-        preload=valve.preload,
-        stop=valve.stop,
-        port_diameter=valve.diameter,
-        port_length=valve.length,
-        unloader=unloader,
-    )
-
-
 def cylinder(unloader=None, **changes):
     entries = {
         "fluid": PerfectGas(287.0, 1.4),
         "suction": SuctionLine(pressure=LOW, temperature=WARM),
         "discharge": DischargeLine(pressure=HIGH),
-        "suction_valve": plate(SUCTION, unloader or Unloader(FORCE)),
-        "discharge_valve": plate(DISCHARGE),
+        "suction_valve": plate_valve(SUCTION, unloader or Unloader(FORCE)),
+        "discharge_valve": plate_valve(DISCHARGE),
         "clearance_ratio": HEAD,
         "crank_end": CrankEnd(rod_diameter=ROD, clearance_ratio=CRANK),
         "pocket": ClearancePocket(POCKET),
@@ -139,7 +127,7 @@ def test_every_load_step_is_a_machine_built_that_way():
     rows = {row["name"]: row for row in table.rows()}
     assert list(rows) == ["full load", "pocket", "half pocket", "head end", "idle"]
     swept = np.pi / 4 * BORE**2 * 2 * RADIUS
-    plain = {"suction_valve": plate(SUCTION), "pocket": None}
+    plain = {"suction_valve": plate_valve(SUCTION), "pocket": None}
     for name, share in (("full load", 0.0), ("pocket", 1.0), ("half pocket", 0.5)):
         built = cylinder(clearance_ratio=HEAD + share * POCKET / swept, **plain)
         orbit = solve_orbit(throw(built))
@@ -182,7 +170,7 @@ def test_derivatives_by_pocket_and_release_are_those_of_differences():
 
 
 def test_settings_that_nothing_follows_are_refused_by_name():
-    bare = {"suction_valve": plate(SUCTION), "pocket": None}
+    bare = {"suction_valve": plate_valve(SUCTION), "pocket": None}
     with pytest.raises(BadInput, match=r"without a suction_valve\.unloader"):
         cylinder(**bare, unloaded=jnp.array([0.0, 1.0]))
     with pytest.raises(BadInput, match="without a pocket"):
@@ -190,7 +178,7 @@ def test_settings_that_nothing_follows_are_refused_by_name():
     with pytest.raises(BadInput, match="another name"):
         cylinder(load_steps=(LoadStep("one"), LoadStep("one")))
     with pytest.raises(BadInput, match="suction valves"):
-        cylinder(discharge_valve=plate(DISCHARGE, Unloader(FORCE)))
+        cylinder(discharge_valve=plate_valve(DISCHARGE, Unloader(FORCE)))
     with pytest.raises(BadInput, match="each of 2 ends"):
         solve_orbit(throw(cylinder(unloaded=jnp.zeros(3))))
     with pytest.raises(BadInput, match="one load step"):

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
@@ -24,7 +25,6 @@ from jaxcomp.cylinder import (
 from jaxcomp.fluid import Mixture, PerfectGas, RealGas
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import ConstantSpeed, MeanSpeed
-from jaxcomp.valve import PlateValve
 
 RADIUS, LENGTH, ROD, SPEED = 0.06, 0.3, 0.05, 77.5
 RINGS = LaminarGap(4e-5, 0.03, 2e-5)
@@ -44,18 +44,6 @@ VALVES = (
 )
 
 
-def plate(valve):
-    return PlateValve(
-        mass=valve.mass,
-        damping=valve.damping,
-        stiffness=valve.stiffness,
-        preload=valve.preload,
-        stop=valve.stop,
-        port_diameter=valve.diameter,
-        port_length=valve.length,
-    )
-
-
 def crank_end(stage):
     return CrankEnd(rod_diameter=ROD, clearance_ratio=CLEARANCES[stage][1], packing=PACKING)
 
@@ -63,8 +51,8 @@ def crank_end(stage):
 def cylinder(cooler=None, **changes):
     second = Stage(
         cooler=cooler or Intercooler(COOLED, DROP),
-        suction_valve=plate(VALVES[1][0]),
-        discharge_valve=plate(VALVES[1][1]),
+        suction_valve=plate_valve(VALVES[1][0]),
+        discharge_valve=plate_valve(VALVES[1][1]),
         clearance_ratio=CLEARANCES[1][0],
         leakage=RINGS,
         crank_end=crank_end(1),
@@ -73,8 +61,8 @@ def cylinder(cooler=None, **changes):
         "fluid": PerfectGas(287.0, 1.4),
         "suction": SuctionLine(pressure=LOW, temperature=WARM),
         "discharge": DischargeLine(pressure=HIGH),
-        "suction_valve": plate(VALVES[0][0]),
-        "discharge_valve": plate(VALVES[0][1]),
+        "suction_valve": plate_valve(VALVES[0][0]),
+        "discharge_valve": plate_valve(VALVES[0][1]),
         "clearance_ratio": CLEARANCES[0][0],
         "leakage": RINGS,
         "crank_end": crank_end(0),
