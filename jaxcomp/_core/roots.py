@@ -94,12 +94,12 @@ class AbstractRoot(eqx.Module):
         """The unknowns, by whatever means."""
 
     @abstractmethod
-    def rest(self, unknowns) -> Any:
+    def residual(self, unknowns) -> Any:
         """Residual of the equations: zero at the root."""
 
-    def removed(self, unknowns, rest) -> Any:
-        """Change of the unknowns that removes a small rest; here of equations that are independent."""
-        return -rest / jax.jvp(self.rest, (unknowns,), (jnp.ones_like(unknowns),))[1]
+    def newton_correction(self, unknowns, residual) -> Any:
+        """Change of the unknowns that removes a small residual, of equations that are independent."""
+        return -residual / jax.jvp(self.residual, (unknowns,), (jnp.ones_like(unknowns),))[1]
 
 
 @eqx.filter_custom_jvp
@@ -116,12 +116,14 @@ def root(equations: AbstractRoot):
 def _root_jvp(primals, tangents):
     # By `root` again and not by `solve`: derivatives of the next order take this rule as well.
     unknowns = root(*primals)
-    rest, moved = eqx.filter_jvp(lambda equations: equations.rest(unknowns), primals, tangents)
-    # Equations that no tangent moves have `None`, where `removed` wants a zero.
-    moved = jax.tree.map(
-        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, rest, is_leaf=_absent
+    residual, moved = eqx.filter_jvp(
+        lambda equations: equations.residual(unknowns), primals, tangents
     )
-    return unknowns, primals[0].removed(unknowns, moved)
+    # Equations that no tangent moves have `None`, where `newton_correction` wants a zero.
+    moved = jax.tree.map(
+        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, residual, is_leaf=_absent
+    )
+    return unknowns, primals[0].newton_correction(unknowns, moved)
 
 
 def _absent(leaf) -> bool:

@@ -134,35 +134,35 @@ class _Equation(AbstractRoot):
 
         return lax.fori_loop(0, _NEWTON_STEPS, improve, (start, first.start()))
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         """Torque [N m] and force [N] that are left over."""
         value, joint = unknowns
         loop = self.loop(value)
         excess, (carried, _) = loop.balance(joint)
         return self.at.inertia * value - self.drive + loop.total_loss(carried), excess
 
-    def removed(self, unknowns, rest):
-        return self.newton(rest, self.slopes(unknowns)[1])
+    def newton_correction(self, unknowns, residual):
+        return self.newton(residual, self.slopes(unknowns)[1])
 
     def slopes(self, unknowns):
         """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
         value, joint = unknowns
         each = self.loop(value).directions(joint)
-        one = jnp.ones_like(value)
-        none = jnp.zeros_like(value)
-        ways = (
-            jnp.stack([one, *[none] * len(each)]),
+        ones = jnp.ones_like(value)
+        zeros = jnp.zeros_like(value)
+        directions = (
+            jnp.stack([ones, *[zeros] * len(each)]),
             jnp.concatenate([jnp.zeros_like(joint)[None], each]),
         )
-        rest, linear = jax.linearize(self.rest, unknowns)
-        return rest, jax.vmap(linear)(ways)
+        residual, linear = jax.linearize(self.residual, unknowns)
+        return residual, jax.vmap(linear)(directions)
 
-    def newton(self, rest, slopes):
+    def newton(self, residual, slopes):
         """Changes of acceleration and joints that remove the remainders.
 
         The loops of several cylinders do not know each other: each follows the acceleration by itself.
         """
-        (torque, force), (by_torque, by_force) = rest, slopes
+        (torque, force), (by_torque, by_force) = residual, slopes
         # joints that lock have slopes that are not positive; those of the bare machine are safe
         stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0), 1e-3)
         inertia = by_torque[0] - jnp.sum(by_torque[1:] * by_force[0] / stiff, axis=0)

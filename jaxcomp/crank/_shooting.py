@@ -386,14 +386,14 @@ class _Following(AbstractRoot):
     def solve(self):
         return self.shot.result
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         start, end, course = unknowns
         marched = self.options.march(self.machine, start, self.fixed, self.options.adjoint)
         gap = _gap_at(marched[0], start, self.machine, self.fixed)
         return gap, *jax.tree.map(jnp.subtract, marched, (end, course))
 
-    def removed(self, unknowns, rest):
-        gap, *moved = rest
+    def newton_correction(self, unknowns, residual):
+        gap, *moved = residual
         moved = (jnp.zeros_like(gap), *moved)
         follow = -jnp.linalg.solve(self.shot.jacobian, gap)
         return jax.tree.map(lambda m, slope: m + slope @ follow, moved, self.shot.by_unknowns)

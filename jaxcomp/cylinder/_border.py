@@ -411,13 +411,13 @@ class AttachedWaves(AbstractRoot):
     def solve(self):
         return self.found
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         left = evaluate(self.system, self.mesh, *unknowns)[0]
         # a line without pipes is no leaf, as an equation that nothing moves would be
         return left.panels, _packed(left.waves)[0]
 
-    def removed(self, unknowns, rest):
+    def newton_correction(self, unknowns, residual):
         linear = linearise(self.system, self.mesh, *unknowns)
-        panels, waves = jax.tree.map(jnp.negative, rest)
+        panels, waves = jax.tree.map(jnp.negative, residual)
         _, unpacked = _packed(unknowns.waves)
         return solve_bordered(linear, Both(panels, unpacked(waves)))

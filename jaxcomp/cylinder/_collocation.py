@@ -316,9 +316,9 @@ class Attached(AbstractRoot):
     def solve(self):
         return self.found
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return evaluate(self.system, self.mesh, unknowns)[0]
 
-    def removed(self, unknowns, rest):
+    def newton_correction(self, unknowns, residual):
         _, blocks, _ = linearise(self.system, self.mesh, unknowns)
-        return solve_factors(factorise(blocks), jax.tree.map(jnp.negative, rest))
+        return solve_factors(factorise(blocks), jax.tree.map(jnp.negative, residual))

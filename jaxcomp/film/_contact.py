@@ -258,7 +258,7 @@ class _MixedCompliance(AbstractRoot):
         both = jnp.log((1 / thickness - 1) / jnp.where(touches, number, 1.0))
         return jnp.where(touches, both, alone)
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return jnp.log(self.film.load_gain(self.load_number * jnp.exp(unknowns))) + unknowns
 
 

@@ -375,10 +375,10 @@ class _LogCompliance(AbstractRoot):
         short = 2 / (light + jnp.sqrt(light**2 + 2 * film.length_ratio**2 * load_number))
 
         def step(_, z):
-            rest, slope = jax.jvp(self.rest, (z,), (jnp.ones_like(z),))
+            rest, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
             return z - rest / slope
 
         return jax.lax.fori_loop(0, 6, step, jnp.log(short + 1 / 1.2))
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return jnp.log(self.film.load_gain(self.load_number * jnp.exp(unknowns))) + unknowns

@@ -200,11 +200,11 @@ class Inverse(AbstractRoot):
 
         return lax.fori_loop(0, _INVERSIONS, improve, self.start)
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return self.map(self.position, unknowns) - self.target
 
-    def removed(self, unknowns, rest):
-        return -two_by_two(self.columns(unknowns), rest)
+    def newton_correction(self, unknowns, residual):
+        return -two_by_two(self.columns(unknowns), residual)
 
 
 def _slope_and_bend(function, x):

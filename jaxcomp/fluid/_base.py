@@ -199,10 +199,10 @@ class SmallSystem(AbstractRoot):
     def solve(self):
         return self.find(self.inputs)
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return self.misfit(unknowns, self.inputs)
 
-    def removed(self, unknowns, rest):
+    def newton_correction(self, unknowns, residual):
         if unknowns.ndim == 0:
-            return super().removed(unknowns, rest)
-        return -jnp.linalg.solve(jax.jacfwd(self.rest)(unknowns), rest)
+            return super().newton_correction(unknowns, residual)
+        return -jnp.linalg.solve(jax.jacfwd(self.residual)(unknowns), residual)

@@ -144,12 +144,12 @@ class AbstractJointLoop(AbstractRoot):
 
         return lax.fori_loop(0, _NEWTON_STEPS, improve, self.start())
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return self.excess(unknowns)
 
-    def removed(self, unknowns, rest):
+    def newton_correction(self, unknowns, residual):
         # Floored as in the iteration: derivatives of locked joints mean nothing, but stay finite.
-        return -rest / jnp.maximum(self.slope(unknowns), _LEAST_SLOPE)
+        return -residual / jnp.maximum(self.slope(unknowns), _LEAST_SLOPE)
 
 
 def newton_step(unknown, excess, slope, limit):

@@ -122,7 +122,7 @@ class _Thickness(AbstractRoot):
     pads: Pads
     load: Float[Array, "*n"]
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return jnp.log(sum(self.pads.shares(jnp.exp(unknowns)))) - jnp.log(self.load)
 
     def solve(self):
@@ -133,11 +133,11 @@ class _Thickness(AbstractRoot):
         def halve(_, ends):
             low, high = ends
             middle = 0.5 * (low + high)
-            thin = self.rest(middle) > 0
+            thin = self.residual(middle) > 0
             return jnp.where(thin, middle, low), jnp.where(thin, high, middle)
 
         def improve(_, z):
-            rest, slope = jax.jvp(self.rest, (z,), (jnp.ones_like(z),))
+            rest, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
             return jnp.clip(z - rest / slope, low, high)
 
         # Halved first: towards thin films the logarithm of the load flattens out, where Newton's

@@ -40,7 +40,7 @@ class _Interstage(AbstractRoot):
         """Logarithms of all pressures, from suction to discharge."""
         return jnp.concatenate([self.outer[:1], inner, self.outer[1:]])
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         """Flow into a stage less that out of the one before, in units of the flow at suction."""
         logs = self.logarithms(unknowns)
         place = jnp.asarray(self.stages) - 1
@@ -49,15 +49,17 @@ class _Interstage(AbstractRoot):
         flow = jnp.zeros(max(self.stages)).at[place].add(drawn)
         return jnp.diff(flow * jnp.exp(logs[:-1] - self.outer[0]))
 
-    def removed(self, unknowns, rest):
+    def newton_correction(self, unknowns, residual):
         """By Newton's step, as the stages are coupled."""
-        return -jnp.linalg.solve(jax.jacfwd(self.rest)(unknowns), rest)
+        return -jnp.linalg.solve(jax.jacfwd(self.residual)(unknowns), residual)
 
     def solve(self):
         # equal pressure ratios in all stages
         share = jnp.linspace(0.0, 1.0, max(self.stages) + 1)[1:-1]
         start = share * (self.outer[1] - self.outer[0]) + self.outer[0]
-        return lax.fori_loop(0, _STEPS, lambda _, x: x + self.removed(x, self.rest(x)), start)
+        return lax.fori_loop(
+            0, _STEPS, lambda _, x: x + self.newton_correction(x, self.residual(x)), start
+        )
 
 
 class StagedCycle(AbstractGas):

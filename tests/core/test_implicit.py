@@ -39,7 +39,7 @@ class Cubes(AbstractRoot):
     def solve(self):
         return jnp.cbrt(self.a)
 
-    def rest(self, unknowns):
+    def residual(self, unknowns):
         return unknowns**3 - self.a
 
 
