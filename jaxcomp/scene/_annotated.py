@@ -17,7 +17,7 @@ import numpy as np
 
 from .._core.fields import Part
 from ..compressor import Compressor
-from ._read import chosen, is_value, unwrapped
+from ._read import is_value, selected_class, unwrapped
 from ._scene import Scene
 from ._schema import (
     Entry,
@@ -29,6 +29,7 @@ from ._schema import (
     expected,
     given_sections,
     join,
+    kind_of,
     meanings,
     top_sections,
 )
@@ -54,13 +55,14 @@ def starts() -> dict[str, str]:
     """The machines to start from: kind and what it is."""
     files = start_files()
     return {
-        kind: tomllib.loads(one.read_text("utf-8"))["description"] for kind, one in files.items()
+        kind: tomllib.loads(file.read_text("utf-8"))["description"] for kind, file in files.items()
     }
 
 
 def start_files() -> dict[str, Any]:
-    found = bundled("scene", "starts")
-    return {"slider-crank": found.pop("slider-crank"), **found}
+    """Files of the machines to start from by kind; the usual one, a slider-crank, comes first."""
+    files = bundled("scene", "starts")
+    return {"slider-crank": files.pop("slider-crank"), **files}
 
 
 def start(kind: str, name: str) -> str:
@@ -86,29 +88,34 @@ def start_from(scene: Scene, name: str) -> str:
         scene: of `jaxcomp.load`.
         name: name of the new machine.
     """
-    tables = {key: one for key, one in scene.document.items() if is_section(one)}
-    head = {key: one for key, one in scene.document.items() if key not in tables}
-    head |= {
-        "name": name,
-        "description": f"Started from {scene.name}",
-        "source": f"value of {scene.name}, to be replaced",
-    }
-    return annotated({key: _bare(one, key) for key, one in (head | tables).items()})
+    head: dict[str, Any] = {}
+    tables: dict[str, Any] = {}
+    for key, entry in scene.document.items():
+        target = tables if is_section(entry) else head
+        target[key] = _without_sources(entry, key)
+    head["name"] = name
+    head["description"] = f"Started from {scene.name}"
+    head["source"] = f"value of {scene.name}, to be replaced"
+    return annotated(head | tables)
 
 
-def _bare(entry: Any, path: str) -> Any:
+def _without_sources(entry: Any, path: str) -> Any:
     """An entry without sources, with temperatures in degrees Celsius."""
     if isinstance(entry, Mapping) and "value" not in entry:
-        return {key: _bare(one, join(path, key)) for key, one in entry.items() if key != "source"}
-    if isinstance(entry, list) and any(isinstance(one, Mapping) for one in entry):
-        return [_bare(one, f"{path}.{at}") for at, one in enumerate(entry)]
+        return {
+            key: _without_sources(child, join(path, key))
+            for key, child in entry.items()
+            if key != "source"
+        }
+    if isinstance(entry, list) and any(isinstance(child, Mapping) for child in entry):
+        return [_without_sources(child, f"{path}.{at}") for at, child in enumerate(entry)]
     value, unit, _ = unwrapped(entry, path)
     return in_celsius(_with_unit(value, unit), path)
 
 
 def _with_unit(value: Any, unit: str | None) -> Any:
     if isinstance(value, list):
-        return [_with_unit(one, unit) for one in value]
+        return [_with_unit(item, unit) for item in value]
     return f"{value} {unit}" if unit else value
 
 
@@ -120,76 +127,92 @@ def annotated(document: Mapping[str, Any], *remarks: str) -> str:
         remarks: comments for its head.
     """
     lines = [*_comment(*_HOW, *filter(None, remarks)), ""]
-    lines += [f"{key} = {value_text(one)}" for key, one in document.items() if isinstance(one, str)]
-    told: set[type] = set()
+    for key, entry in document.items():
+        if isinstance(entry, str):
+            lines.append(f"{key} = {value_text(entry)}")
+    explained: set[type] = set()
     if any(key in entries(Compressor) for key in document):
         lines += _keys(document, Compressor, only_numbers=True)
     for path, entry, table in given_sections(document):
-        lines += _section_lines(table, entry, path, told)
-    absent = {name: entry for name, entry in top_sections().items() if name not in document}
+        lines += _section_lines(table, entry, path, explained)
+    absent = []
+    for name, section in top_sections().items():
+        if name not in document:
+            absent.append(f"[{name}]: {_kinds_of(section.classes)}")
     if absent:
-        lines += ["", "# Other sections that a file may have:"]
-        lines += _comment(*(f"[{name}]: {_choices(one.classes)}" for name, one in absent.items()))
+        lines += ["", "# Other sections that a file may have:", *_comment(*absent)]
     return "\n".join(lines) + "\n"
 
 
-def _section_lines(table, entry: Section, path: str, told: set[type]) -> list[str]:
+def _section_lines(table, entry: Section, path: str, explained: set[type]) -> list[str]:
     """The lines of a section and of those inside it; adds to the classes that are explained."""
-    part = chosen(table, entry.classes, path)
-    comments = part not in told
-    told.add(part)
+    part = selected_class(table, entry.classes, path)
+    comments = part not in explained
+    explained.add(part)
     lines = [""]
     if comments:
-        others = {kind: one for kind, one in choices(entry.classes).items() if one is not part}
         lines += _comment(summary(part))
-        lines += _comment(f"Other types: {_listed(others)}") if others else []
+        alternatives = dict(choices(entry.classes))
+        alternatives.pop(kind_of(part), None)
+        if alternatives:
+            lines += _comment(f"Other types: {_kinds_in_words(alternatives)}")
     lines.append(entry.title(path))
     lines += [f"{key} = {value_text(table[key])}" for key in ("type", "source") if key in table]
     lines += _keys(table, part, comments=comments)
     for name, inner in entries(part).items():
         if not isinstance(inner, Section):
             continue
-        here = join(path, name)
+        inner_path = join(path, name)
         for row in tables_under(table, name):
-            lines += _section_lines(row, inner, here, told)
+            lines += _section_lines(row, inner, inner_path, explained)
         if comments and name not in table:
-            lines += ["", *_comment(f"Optional {inner.title(here)}: {_choices(inner.classes)}")]
+            lines += [
+                "",
+                *_comment(f"Optional {inner.title(inner_path)}: {_kinds_of(inner.classes)}"),
+            ]
     return lines
 
 
 def tables_under(table: Mapping[str, Any], name: str) -> list[Any]:
     """The sections under a key; none where names of bearings stand there."""
-    given = table.get(name, [])
-    return [row for row in (given if isinstance(given, list) else [given]) if not is_value(row)]
+    entry = table.get(name, [])
+    rows = entry if isinstance(entry, list) else [entry]
+    return [row for row in rows if not is_value(row)]
 
 
 def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[str]:
     """The values of a section, then its optional ones that are not given."""
-    known = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
-    told = meanings(part)
+    value_entries = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
+    descriptions = meanings(part)
     lines = []
-    for name, entry in known.items():
+    for name, entry in value_entries.items():
         if name in table:
             text = f"{key_text(name)} = {value_text(table[name])}"
-            lines += _beside(text, meaning(entry, told[name])) if comments else [text]
+            if comments:
+                lines += _with_comment(text, meaning(entry, descriptions[name]))
+            else:
+                lines.append(text)
     for name, entry in entries(part).items():
         if isinstance(entry, Section) and name in table and not tables_under(table, name):
             lines.append(f"{key_text(name)} = {value_text(table[name])}")
-    for name, entry in known.items():
+    for name, entry in value_entries.items():
         if name not in table and comments and (isinstance(entry, Number) or not only_numbers):
             text = f"#{key_text(name)} = {default_text(part, name, entry)}"
-            lines += _beside(text, meaning(entry, told[name]))
+            lines += _with_comment(text, meaning(entry, descriptions[name]))
     return lines
 
 
-def meaning(entry: Entry, told: str) -> str:
+def meaning(entry: Entry, description: str) -> str:
+    """The comment on an entry: what it must be, and the description of its declaration."""
     example = _nodes_example(entry.hint) if isinstance(entry, Option) else ""
-    if example and told:
-        return f"{example}: {told}"
+    if example and description:
+        return f"{example}: {description}"
     text = expected(entry)
-    if getattr(entry, "doc", "") or not told:
+    if getattr(entry, "doc", "") or not description:
         return text
-    return told if told.startswith('"') else f"{text}, {told}"  # a list of words says it all
+    if description.startswith('"'):  # a list of words says it all
+        return description
+    return f"{text}, {description}"
 
 
 def _nodes_example(hint: Any) -> str:
@@ -209,8 +232,9 @@ def _nodes(hint: Any, first: int = 1) -> str:
     if get_origin(hint) is not tuple:
         return ""
     inner = get_args(hint)
-    inner = inner[:1] * 2 if inner[-1] is Ellipsis else inner
-    shown = [_nodes(one, at) for at, one in enumerate(inner, first)]
+    if inner[-1] is Ellipsis:  # of any length: two show that
+        inner = inner[:1] * 2
+    shown = [_nodes(member, at) for at, member in enumerate(inner, first)]
     return f"[{', '.join(shown)}]" if all(shown) else ""
 
 
@@ -221,32 +245,34 @@ def default_text(part: type[Part], name: str, entry: Entry) -> str:
         return "..."
     if isinstance(entry, Number):
         value = as_text(np.asarray(value, float), entry.unit)
-    return value_text(list(value) if isinstance(value, tuple) else value)
+    if isinstance(value, tuple):
+        value = list(value)
+    return value_text(value)
 
 
-def _beside(text: str, comment: str) -> list[str]:
+def _with_comment(text: str, comment: str) -> list[str]:
     """A line with its comment, which stands above it where it does not fit behind."""
     line = f"{text.ljust(_COLUMN)} # {comment}"
     return [line] if len(line) <= _WIDTH else [*_comment(comment), text]
 
 
 def _comment(*texts: str) -> list[str]:
-    return [
-        f"# {line}"
-        for text in texts
-        for line in textwrap.wrap(text, _WIDTH - 2, break_long_words=False, break_on_hyphens=False)
-    ]
+    lines = []
+    for text in texts:
+        # a word that is broken could not be searched for, nor a path be copied
+        lines += textwrap.wrap(text, _WIDTH - 2, break_long_words=False, break_on_hyphens=False)
+    return [f"# {line}" for line in lines]
 
 
-def _choices(classes: Iterable[type]) -> str:
-    known = choices(tuple(classes))
-    if len(known) == 1:
-        return summary(*known.values())
-    return _listed(known)
+def _kinds_of(classes: Iterable[type]) -> str:
+    parts = choices(tuple(classes))
+    if len(parts) == 1:
+        return summary(*parts.values())
+    return _kinds_in_words(parts)
 
 
-def _listed(known: Mapping[str, type]) -> str:
-    return "; ".join(f"{kind}: {summary(part)}" for kind, part in known.items())
+def _kinds_in_words(parts: Mapping[str, type]) -> str:
+    return "; ".join(f"{kind}: {summary(part)}" for kind, part in parts.items())
 
 
 def summary(part: type) -> str:

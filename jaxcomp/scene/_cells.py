@@ -12,6 +12,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from ._schema import join
 from ._settings import settings_of
 from ._table_text import cell_number, read_table_text
 from ._text import SceneError, reading
@@ -33,12 +34,12 @@ def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
             a cell that is no number.
     """
     if isinstance(tables, list):
-        return [with_tables(one, folder, f"{path}.{n}") for n, one in enumerate(tables)]
+        return [with_tables(entry, folder, f"{path}.{n}") for n, entry in enumerate(tables)]
     if not isinstance(tables, dict):
         return tables
     out = {
-        key: with_tables(one, folder, f"{path}.{key}" if path else key)
-        for key, one in tables.items()
+        key: with_tables(entry, folder, join(path, key))
+        for key, entry in tables.items()
         if key != KEY
     }
     if KEY not in tables:
@@ -72,6 +73,7 @@ def _columns(file: Path) -> dict[str, dict[str, Any]]:
             values = [
                 cell_number(row.cells[place], f"line {row.number}.{name}") for row in table.rows
             ]
-            entry = {"value": values, "source": f"read from {file.name}"}
-            columns[name] = entry | ({"unit": unit} if unit else {})
+            columns[name] = {"value": values, "source": f"read from {file.name}"}
+            if unit:
+                columns[name]["unit"] = unit
         return columns

@@ -47,28 +47,30 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
     from ..study import variable
     from ..study.interface import by_name, is_fraction  # only who changes a scene needs the studies
 
-    given = {}
-    designed = {}
-    shares = {}
+    entry_changes = {}
+    rule_changes = {}
+    fraction_changes = {}
     for path, value in changes.items():
         if path in DESIGN_RULES or path.startswith("corrections."):
-            designed[path] = value
+            rule_changes[path] = value
         elif path.rpartition(".")[0].endswith("_fractions"):
-            shares[path] = value
+            fraction_changes[path] = value
         else:
-            given[path] = value
-    if given:
-        scene = _with_entries(scene, given, source)
+            entry_changes[path] = value
+    if entry_changes:
+        scene = _with_entries(scene, entry_changes, source)
     # of the fluid that is set now
-    entries_of_file = {p: value for p, value in shares.items() if not is_fraction(scene.machine, p)}
+    entries_of_file = {
+        p: value for p, value in fraction_changes.items() if not is_fraction(scene.machine, p)
+    }
     if entries_of_file:
         scene = _with_entries(scene, entries_of_file, source)
-    fractions = {p: value for p, value in shares.items() if p not in entries_of_file}
+    fractions = {p: value for p, value in fraction_changes.items() if p not in entries_of_file}
     if fractions:
         scene = _with_fractions(scene, fractions)
-    for name, value in by_name(scene.machine, designed).items():
-        one = variable(scene.machine, name)
-        machine = one.apply(scene.machine, to_si(value, one.unit, name))
+    for name, value in by_name(scene.machine, rule_changes).items():
+        number = variable(scene.machine, name)
+        machine = number.apply(scene.machine, to_si(value, number.unit, name))
         scene = with_machine(scene, machine, f"design rule, {name} = {value}")
     return scene
 
@@ -82,8 +84,8 @@ def _with_fractions(scene: Scene, fractions: Mapping[str, Any]) -> Scene:
     # an end of its range, so that a value beyond its bound is refused
     variables = [variable(scene.machine, path, low=value) for path, value in values.items()]
     machine = changed(scene.machine, variables, [*values.values()])
-    told = ", ".join(f"{path} = {value}" for path, value in fractions.items())
-    return with_machine(scene, machine, f"{told}, others in proportion")
+    listed = ", ".join(f"{path} = {value}" for path, value in fractions.items())
+    return with_machine(scene, machine, f"{listed}, others in proportion")
 
 
 def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
@@ -103,13 +105,15 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
     single = single_numbers(scene.compressor)
     changes = {}
     for path in paths:
-        stem, _, last = path.rpartition(".")
-        if not (last.isdigit() or "*" in last):
+        stem, _, cylinder = path.rpartition(".")
+        if not (cylinder.isdigit() or "*" in cylinder):
             continue
         with contextlib.suppress(BadInput):
             matching(scene.machine, path)
             continue
-        for name in (name for name in single if fnmatchcase(name, stem)):
+        for name in single:
+            if not fnmatchcase(name, stem):
+                continue
             table = _entry(scene.document, name)
             if "value" not in table:
                 value = float(variable(scene.machine, name).current(scene.machine))
@@ -132,30 +136,32 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
     from ..study.interface import matching, variable_names
 
     scene = with_lists(scene, changes)
-    known = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}
+    top_keys = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}
     for path in changes:
         # a key of the file without its section is told with the section, unless it may mean more
         placed = path not in AMBIGUOUS and any(places_of(scene.document, path))
-        if "." not in path and path not in known and not placed:
+        if "." not in path and path not in top_keys and not placed:
             variables = {*variable_names(scene.machine)}
             rules = variables if path in AMBIGUOUS else variables & {*DESIGN_RULES}
-            near = did_you_mean(path, known | rules)
+            near = did_you_mean(path, top_keys | rules)
             raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
-    changes = {
-        name: value
-        for path, value in changes.items()
-        for name in (matching(scene.machine, path) if "*" in path else [path])
-    }
+    single_changes = {}
+    for path, value in changes.items():
+        names = matching(scene.machine, path) if "*" in path else [path]
+        single_changes |= dict.fromkeys(names, value)
+    changes = single_changes
     document = copy.deepcopy(dict(scene.document))
     stale: set[str] = set()
     with reading(scene.file):
         # a new type first: it decides which keys of its section stay
         for path in sorted(changes, key=lambda p: p.split(".")[-1] != "type"):
             stale |= _set_value(document, path, changes[path], source)
-    found = scene_of(
+    changed_scene = scene_of(
         document, scene.file, stale - set(changes), scene.text, scene.machine.corrections
     )
-    return with_springs_counted(found) if any(p.startswith("torsion") for p in changes) else found
+    if any(path.startswith("torsion") for path in changes):
+        return with_springs_counted(changed_scene)
+    return changed_scene
 
 
 def with_value(scene: Scene, path: str, value: Any, source: str = "set by the user") -> Scene:
@@ -212,8 +218,8 @@ def optimised_scene(scene: Scene, optimum: "Optimum") -> tuple[Scene, list[str]]
     source = f"optimised for {optimum.objective_name}"
     if not optimum.feasible:
         source = f"nearest to the limits, {source}: {optimum.verdict}"
-    made = with_machine(scene, optimum.design, source)
-    return made, [one for one in optimum.values if one.startswith("corrections.")]
+    best_scene = with_machine(scene, optimum.design, source)
+    return best_scene, [name for name in optimum.values if name.startswith("corrections.")]
 
 
 def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> set[str]:
@@ -263,13 +269,13 @@ def _opened(node: Any, path: str, above: list[str], key: str) -> dict[str, Any] 
         path, above: whole path and the keys that lead here, for messages.
         key: of the entry.
     """
-    here = ".".join(above)
+    place = ".".join(above)
     if isinstance(node, Mapping) and not is_section(node):
         node = node["value"]
     if isinstance(node, list) and not (key.isdigit() and int(key) < len(node)):
-        raise SceneError(path, f"must name one of the {len(node)} entries of {here}")
+        raise SceneError(path, f"must name one of the {len(node)} entries of {place}")
     if not isinstance(node, list | dict):
-        raise SceneError(path, f"leads through {here}, which is a single value")
+        raise SceneError(path, f"leads through {place}, which is a single value")
     return node
 
 
@@ -290,29 +296,42 @@ def _updated_entries(
     """Such a section, entry by entry."""
     same = type(old) is type(new)
     # the top of a document keeps its header and its other sections
-    kept = copy.deepcopy(dict(table)) if same or old is None else {}
-    out = kept if same else kept | {"type": _describable(type(new))}
+    out = copy.deepcopy(dict(table)) if same or old is None else {}
+    if not same:
+        out["type"] = _kind_in_files(type(new))
+        old = None
     for name, entry in entries(type(new)).items():
-        before = getattr(old, name, None) if same else None
+        before = getattr(old, name, None)
         after = getattr(new, name)
         if after is None:
             out.pop(name, None)
         elif isinstance(entry, Section) and entry.rows:
             if after or name in out:
                 out[name] = _updated_rows(out.get(name, []), before, after, source)
-        elif isinstance(after, NamedBearing):
-            if getattr(before, "name", None) != after.name:
-                out[name] = {"value": after.name, "source": source}
         elif isinstance(entry, Section):
-            section = out.get(name, {}) if before is not None else {}
-            out[name] = _updated(section, before, after, source)
+            out[name] = _updated_inner(out.get(name, {}), before, after, source)
         elif isinstance(entry, Number) and (before is None or not np.array_equal(before, after)):
-            given = unwrapped(out[name], name)[0] if name in out else None
-            texts = as_text(np.asarray(after), entry.unit, given)
+            texts = _number_text(out.get(name), after, entry.unit, name)
             out[name] = {"value": texts, "source": source}
         elif isinstance(entry, Option) and (not same or before != after):
-            out[name] = {"value": _listed(after), "source": source}
+            out[name] = {"value": _as_written(after), "source": source}
     return out
+
+
+def _updated_inner(section: Any, old: Part | None, new: Part, source: str) -> Any:
+    """A section inside another one, or the name of a bearing in its place."""
+    if not isinstance(new, NamedBearing):
+        return _updated({} if old is None else section, old, new, source)
+    if getattr(old, "name", None) == new.name:
+        return section
+    return {"value": new.name, "source": source}
+
+
+def _number_text(written: Any, value: Any, unit: str, name: str) -> Any:
+    """A number or list as text, in the unit of the entry that it replaces, if there is one."""
+    if written is not None:
+        written, _, _ = unwrapped(written, name)
+    return as_text(np.asarray(value), unit, written)
 
 
 def _updated_rows(rows: list, before: Any, after: Any, source: str) -> list:
@@ -320,13 +339,16 @@ def _updated_rows(rows: list, before: Any, after: Any, source: str) -> list:
     if not before or len(before) != len(after) or not rows:
         rows = [{}] * len(after)
         before = [None] * len(after)
-    return [
-        one.name if isinstance(one, NamedBearing) else _updated(row, was, one, source)
-        for row, was, one in zip(rows, before, after, strict=True)
-    ]
+    updated = []
+    for row, old, new in zip(rows, before, after, strict=True):
+        if isinstance(new, NamedBearing):
+            updated.append(new.name)
+        else:
+            updated.append(_updated(row, old, new, source))
+    return updated
 
 
-def _describable(kind: type[Part]) -> str:
+def _kind_in_files(kind: type[Part]) -> str:
     """The name of a kind of part in files.
 
     Raises:
@@ -341,7 +363,7 @@ def _are_sections(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
 
 
-def _listed(value: Any) -> Any:
+def _as_written(value: Any) -> Any:
     if isinstance(value, tuple):
-        return [_listed(item) for item in value]
+        return [_as_written(item) for item in value]
     return "none" if value is None else value

@@ -30,7 +30,7 @@ class Columns:
     def __init__(
         self,
         table: TableText,
-        known: Iterable[str],
+        allowed: Iterable[str],
         needed: Sequence[str] = (),
         examples: Mapping[str, str] | None = None,
         *,
@@ -42,7 +42,7 @@ class Columns:
 
         Args:
             table: with heads.
-            known: names that columns may have.
+            allowed: names that columns may have.
             needed: those of which a column must be there.
             examples: a unit of a column by its name, for messages; the SI unit if absent.
             deviations: whether columns of standard deviations, "sd(NAME)", are known as well.
@@ -52,7 +52,7 @@ class Columns:
         Raises:
             SceneError: an unknown column, one that is there twice, or one that is missing.
         """
-        known = tuple(known)
+        allowed = tuple(allowed)
         self._rows: Sequence[Row] = table.rows
         self._examples = dict(examples or {})
         self._temperatures = tuple(temperatures)
@@ -60,7 +60,7 @@ class Columns:
         self._units: dict[str, str] = {}
         for place, head in enumerate(table.heads):
             _refuse_setting(head.name, settings or {})
-            name = _column_name(head, known, deviations)
+            name = _column_name(head, allowed, deviations)
             if name in self._places:
                 raise SceneError(name, "is there twice")
             self._places[name] = place
@@ -68,7 +68,7 @@ class Columns:
         self.names = tuple(self._places)
         for name in needed:
             if name not in self._places:
-                raise SceneError(name, f"is a missing column; a head is {self._example(known)}")
+                raise SceneError(name, f"is a missing column; a head is {self._example(allowed)}")
 
     def __contains__(self, name: str) -> bool:
         return name in self._places
@@ -177,9 +177,9 @@ class Columns:
             return 2 * np.pi, 0.0
         return scale(unit, si, level, name, unit)
 
-    def _example(self, known: Iterable[str]) -> str:
+    def _example(self, allowed: Iterable[str]) -> str:
         heads = []
-        for name in known:
+        for name in allowed:
             unit = self._examples.get(name, "")
             heads.append(f"{name} [{unit}]" if unit else name)
         return f'"{",".join(heads)}"'
@@ -204,12 +204,17 @@ def _refuse_setting(name: str, settings: Mapping[str, str]) -> None:
         raise SceneError(name, f'is no column; write "{line}" above the heads, for all lines')
 
 
-def _column_name(head: Head, known: Sequence[str], deviations: bool) -> str:
+def _column_name(head: Head, allowed: Sequence[str], deviations: bool) -> str:
     """Name of a column as it is known."""
     deviation = _DEVIATION.fullmatch(head.name) if deviations else None
-    plain = deviation[1].strip() if deviation else head.name
-    name = known_name(plain, known)
+    if deviation is None:
+        return _allowed_name(head, head.name, allowed, "is an unknown column")
+    plain = deviation[1].strip()
+    return f"sd({_allowed_name(head, plain, allowed, 'is of an unknown quantity')})"
+
+
+def _allowed_name(head: Head, plain: str, allowed: Sequence[str], problem: str) -> str:
+    name = known_name(plain, allowed)
     if name is None:
-        kind = "is of an unknown quantity" if deviation else "is an unknown column"
-        raise SceneError(head.name, f"{kind}{did_you_mean(plain, known)}")
-    return f"sd({name})" if deviation else name
+        raise SceneError(head.name, f"{problem}{did_you_mean(plain, allowed)}")
+    return name

@@ -68,34 +68,50 @@ def describe(scene: Scene) -> tuple[DescribedValue, ...]:
 
 
 def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[DescribedValue]:
-    told = meanings(type(part))
+    """Values of a part and of the parts inside it, as its table gives them."""
+    descriptions = meanings(type(part))
     table = type(part).written(table)
     for name, entry in entries(type(part)).items():
         value = getattr(part, name)
-        here = join(path, name)
+        doc = descriptions[name]
+        place = join(path, name)
         if value is None:
             continue
-        if isinstance(entry, Section):
-            several = len(choices(entry.classes)) > 1 and not entry.rows
-            parts, tables = (value, table.get(name)) if entry.rows else ([value], [table[name]])
-            for place, one in enumerate(parts):
-                given = tables[place]
-                at = f"{here}.{place}" if entry.rows else here
-                if isinstance(one, NamedBearing):
-                    source = scene.sources.get(at, "")
-                    yield DescribedValue(at, _written(given, at), one.name, "", source, told[name])
-                    continue
-                if several:
-                    yield _type(one, given, at)
-                yield from _rows(scene, one, given, at)
+        if isinstance(entry, Section) and entry.rows:
+            for number, inner in enumerate(value):
+                row = table[name][number]
+                yield from _inner_rows(scene, inner, row, f"{place}.{number}", doc, False)
+        elif isinstance(entry, Section):
+            several = len(choices(entry.classes)) > 1
+            yield from _inner_rows(scene, value, table[name], place, doc, several)
         elif isinstance(entry, Number | Option):
-            given = _written(table[name], here) if name in table else None
-            source = scene.sources.get(here, "default")
+            written = _written(table[name], place) if name in table else None
+            source = scene.sources.get(place, "default")
             unit = ""
             if isinstance(entry, Number):
                 value = np.asarray(value)
                 unit = entry.unit
-            yield DescribedValue(here, given, value, unit, source, told[name])
+            yield DescribedValue(
+                path=place, given=written, value=value, unit=unit, source=source, doc=doc
+            )
+
+
+def _inner_rows(
+    scene: Scene, part: Part, table: Any, path: str, doc: str, with_type: bool
+) -> Iterator[DescribedValue]:
+    """Values of a part inside another one; of a bearing by its name that name alone."""
+    if isinstance(part, NamedBearing):
+        yield DescribedValue(
+            path=path,
+            given=_written(table, path),
+            value=part.name,
+            source=scene.sources.get(path, ""),
+            doc=doc,
+        )
+        return
+    if with_type:
+        yield _type(part, table, path)
+    yield from _rows(scene, part, table, path)
 
 
 def _type(part: Part, table: Any, path: str) -> DescribedValue:
@@ -147,9 +163,9 @@ def _throw_balance(c: Any) -> float:
     """Largest unbalance of a throw over that of its pistons and rods at the crank pin."""
     m = c.mechanism
     shaft = c.crankshaft
-    one = (m.piston_mass + m.conrod_mass) * m.crank_radius
-    carried = shaft.of_throws(np.broadcast_to(one, (shaft.count,)))
-    return max(abs(u) / all_ for u, all_ in zip(shaft.unbalances(m), carried, strict=True))
+    cylinder_unbalance = (m.piston_mass + m.conrod_mass) * m.crank_radius
+    carried = shaft.of_throws(np.broadcast_to(cylinder_unbalance, (shaft.count,)))
+    return max(abs(u) / mass for u, mass in zip(shaft.unbalances(m), carried, strict=True))
 
 
 _CRANKSHAFT: tuple[_Ratio, ...] = (
@@ -195,7 +211,7 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     """
     machine = scene.machine
     rows = {row.path: row for row in describe(scene)}
-    found: list[ImplausibleValue] = []
+    unusual: list[ImplausibleValue] = []
     roots: dict[str, Any] = {"": machine.compressor}
     for section in NAMED:
         roots |= {f"{section}.{name}": part for name, part in getattr(machine, section).items()}
@@ -204,12 +220,12 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     for root, tree in {**roots, **machine.parts}.items():
         for path, part in subparts(tree):
             where = join(root, path).rstrip(".")
-            found += _of_numbers(where, part, rows)
-            found += _of_part(where, part, from_crank, rows)
-    return tuple(found)
+            unusual += _implausible_numbers(where, part, rows)
+            unusual += _implausible_ratios(where, part, from_crank, rows)
+    return tuple(unusual)
 
 
-def _of_numbers(
+def _implausible_numbers(
     where: str, part: Part, rows: dict[str, DescribedValue]
 ) -> Iterator[ImplausibleValue]:
     for name, field in quantities(part):
@@ -219,43 +235,60 @@ def _of_numbers(
             continue
         sizes = np.abs(np.asarray(rows[path].value, float))
         if np.any((sizes > 0) & ((sizes < usual[0]) | (sizes > usual[1]))):
-            given = rows[path].given
+            written = rows[path].given
             unit = field.metadata["unit"]
-            what = f"{rows[path].value} {unit}".rstrip() if given is None else f"{given}"
+            what = f"{rows[path].value} {unit}".rstrip() if written is None else f"{written}"
             low, high = (shown(name, unit, end).text(end) for end in usual)
-            yield ImplausibleValue(path, what, f"{low} to {high}" if usual[0] else f"up to {high}")
+            text = f"{low} to {high}" if usual[0] else f"up to {high}"
+            yield ImplausibleValue(path, what, text)
 
 
-def _of_part(
+def _implausible_ratios(
     path: str, part: Part, from_crank: bool, rows: dict[str, DescribedValue]
 ) -> Iterator[ImplausibleValue]:
-    ratios: tuple[_Ratio, ...] = ()
-    if isinstance(part, Compressor) and isinstance(part.mechanism, SliderCrank):
-        ratios = _CRANKSHAFT
-    elif isinstance(part, SliderCrank):
-        ratios = _SLIDER_CRANK
-    elif isinstance(part, SliderLink):
-        ratios = _SLIDER_LINK
-    elif all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
-        ratios = _JOURNAL
-    elif all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
-        ratios = _CYCLE + (_FLOW if isinstance(part, PolytropicCycle) else ())
-    elif getattr(part, "oscillator", None) is not None:
-        ratios = _VALVE
     # the film of a rotor's link, by its kind: a compressor alone does not import the rotor
     if getattr(part, "kind", "") == "film" and getattr(part, "load", 0) is None and not from_crank:
         yield ImplausibleValue(
             join(path, "load"), "absent, without a crank to take it from", '["80 N", "0 N"]'
         )
+    ratios = _ratios_of(part)
+    where = path
+    single: Any = of_cylinder(part)
+    if ratios is _CRANKSHAFT:  # whose throws carry all cylinders
+        where = "crankshaft"
+        single = part
     for what, ratio, low, high in ratios:
-        value = float(ratio(part if ratios is _CRANKSHAFT else of_cylinder(part)))
+        value = float(ratio(single))
         if value != 0 and not low <= abs(value) <= high:
-            where = "crankshaft" if ratios is _CRANKSHAFT else path
-            words = re.findall(r"\w+", what)
-            given = [f"{w} = {rows[join(path, w)].given}" for w in words if join(path, w) in rows]
-            shown_given = f" ({', '.join(given)})" if given else ""
-            what = f"{what} is {value:.3g}{shown_given}"
-            yield ImplausibleValue(where, what, f"{low:g} to {high:g}")
+            written = _written_in(what, path, rows)
+            yield ImplausibleValue(where, f"{what} is {value:.3g}{written}", f"{low:g} to {high:g}")
+
+
+def _ratios_of(part: Part) -> tuple[_Ratio, ...]:
+    """The ratios that a part of this kind is judged by."""
+    if isinstance(part, Compressor) and isinstance(part.mechanism, SliderCrank):
+        return _CRANKSHAFT
+    if isinstance(part, SliderCrank):
+        return _SLIDER_CRANK
+    if isinstance(part, SliderLink):
+        return _SLIDER_LINK
+    if all(hasattr(part, name) for name in ("radial_clearance", "diameter", "length")):
+        return _JOURNAL
+    if isinstance(part, PolytropicCycle):
+        return _CYCLE + _FLOW
+    if all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
+        return _CYCLE
+    return _VALVE if getattr(part, "oscillator", None) is not None else ()
+
+
+def _written_in(ratio: str, path: str, rows: dict[str, DescribedValue]) -> str:
+    """The values that a ratio names, as the file gives them, in brackets; empty where it names none."""
+    values = []
+    for word in re.findall(r"\w+", ratio):
+        row = rows.get(join(path, word))
+        if row is not None:
+            values.append(f"{word} = {row.given}")
+    return f" ({', '.join(values)})" if values else ""
 
 
 # Joints that a machine may well be without, and sections of whole parts, in words.
@@ -276,27 +309,29 @@ def left_out(scene: Scene) -> tuple[str, ...]:
     if compressor is None:
         out.append("the crank drive [mechanism]")
     else:
-        given = [name for name in _WHOLE if getattr(compressor, name, None) is not None]
-        out += [f"{_WHOLE[name]} [{name}]" for name in ("gas", "friction") if name not in given]
-        if "friction" in given:
-            out += [
-                f"friction of {what} [friction.{key}]" for what, key in _ideal(compressor.friction)
-            ]
+        described = [name for name in _WHOLE if getattr(compressor, name, None) is not None]
+        out += [f"{_WHOLE[name]} [{name}]" for name in ("gas", "friction") if name not in described]
+        if "friction" in described:
+            joints = _frictionless_joints(compressor.friction)
+            out += [f"friction of {joint} [friction.{key}]" for joint, key in joints]
         if compressor.crankshaft.main_journal is None:
             out.append("friction of the shaft [crankshaft.main_journal]")
         if isinstance(compressor.motor, ConstantSpeed):
             out.append("fluctuation of the speed [motor]")
-        if "gravity" not in given:
+        if "gravity" not in described:
             out.append(f"{_WHOLE['gravity']} (gravity)")
-    absent = (name for name in ("rotor", "suspension", "torsion") if name not in scene.parts)
-    return (*out, *(f"{_WHOLE[name]} [{name}]" for name in absent))
+    for name in ("rotor", "suspension", "torsion"):
+        if name not in scene.parts:
+            out.append(f"{_WHOLE[name]} [{name}]")
+    return tuple(out)
 
 
-def _ideal(friction: Any) -> Iterator[tuple[str, str]]:
+def _frictionless_joints(friction: Any) -> Iterator[tuple[str, str]]:
     """Joints without a law of friction: their names in words, and their keys."""
     joints = {field.name: getattr(friction, field.name) for field in dataclasses.fields(friction)}
     if joints.pop("piston_film", None) is not None:
         joints.pop("wall", None)  # which has either
     for name, law in joints.items():
         if law is None and name not in _RARE:
-            yield ("piston" if name == "wall" else name.replace("_", " ")), name
+            joint = "piston" if name == "wall" else name.replace("_", " ")
+            yield joint, name

@@ -11,7 +11,7 @@ from .._core.fields import Part
 from .._core.words import nearest
 from ..film import NamedBearing
 from ._annotated import default_text, start_files, summary, tables_under
-from ._read import chosen, unwrapped
+from ._read import selected_class, unwrapped
 from ._schema import (
     Number,
     Option,
@@ -100,18 +100,13 @@ def explained(word: str) -> tuple[Explained, ...]:
         SceneError: an unknown word, with those that are near.
     """
     word = word.strip().strip("[]").replace("-", "_").lower()
-    known = part_places()
-    kinds = [part for part in known if known[part].kind == word]
-    sections = [
-        part
-        for part, where in known.items()
-        if word in where.sections
-        or any(word == title.strip("[]").lower() for title in where.titles)
-    ]
+    places = part_places()
+    kinds = [part for part in places if places[part].kind == word]
+    sections = [part for part in places if places[part].holds(word)]
     parts = kinds or sections
     if not parts:
-        raise SceneError(word, f"is no part of a machine file{_near(word)}")
-    return tuple(_explained(part, known[part]) for part in parts)
+        raise SceneError(word, f"is no part of a machine file{_suggestion(word)}")
+    return tuple(_explained(part, places[part]) for part in parts)
 
 
 class Places(NamedTuple):
@@ -121,82 +116,116 @@ class Places(NamedTuple):
     titles: tuple[str, ...]
     sections: frozenset[str]
 
+    def holds(self, word: str) -> bool:
+        """Whether a word names one of the sections, by its whole path or the last word of it."""
+        paths = (title.strip("[]").lower() for title in self.titles)
+        return word in self.sections or word in paths
+
 
 @cache
 def part_places() -> Mapping[type[Part], Places]:
     """Every part that a machine file can describe, in the order of the file."""
-    found: dict[type[Part], dict[str, str]] = {}
+    titles_by_part: dict[type[Part], dict[str, str]] = {}
     for title, kind, part in every_place():
-        found.setdefault(part, {})[title] = kind
+        titles_by_part.setdefault(part, {})[title] = kind
     places = {}
-    for part, titles in found.items():
+    for part, titles in titles_by_part.items():
         paths = (title.strip("[]").removesuffix(".NAME") for title in titles)
         words = frozenset(path.rpartition(".")[2] for path in paths)
         places[part] = Places(next(iter(titles.values())), tuple(titles), words)
     return places
 
 
-def _near(word: str) -> str:
-    known = part_places()
-    words = {where.kind for where in known.values()}
-    words |= {section for where in known.values() for section in where.sections}
-    holders = sorted({where.kind for part, where in known.items() if word in entries(part)})
+def _suggestion(word: str) -> str:
+    places = part_places()
+    words: set[str] = set()
+    holders = set()
+    for part, where in places.items():
+        words |= {where.kind, *where.sections}
+        if word in entries(part):
+            holders.add(where.kind)
     if holders:
-        return f", but an entry of {', '.join(holders)}"
+        return f", but an entry of {', '.join(sorted(holders))}"
     near = nearest(word, words)
-    return f'; did you mean "{near}"?' if near else f"; known are {', '.join(sorted(words))}"
+    if near:
+        return f'; did you mean "{near}"?'
+    return f"; known are {', '.join(sorted(words))}"
 
 
 def _explained(part: type[Part], where: Places) -> Explained:
-    told = meanings(part)
+    descriptions = meanings(part)
     several = len({kind for title, kind, _ in every_place() if title == where.titles[0]}) > 1
     table = _from_machines().get(part, {})
-    given = {
-        name: _example(part, name, entry, table.get(name))
-        for name, entry in entries(part).items()
-        if isinstance(entry, Number | Option)
-    }
     listed = []
+    columns = []  # lists that the section needs, which may come from a file
     for name, entry in entries(part).items():
         default = ""
         unit = ""
         if isinstance(entry, Section):
-            bound = ("rows of " if entry.rows else "") + " or ".join(choices(entry.classes))
+            bound = " or ".join(choices(entry.classes))
+            if entry.rows:
+                bound = f"rows of {bound}"
             line = _section_example(entry, name, where)
         elif isinstance(entry, Number | Option):
-            default = "" if entry.required else default_text(part, name, entry).replace("...", "")
-            bound = expected(entry) if isinstance(entry, Option) else str(entry.bound)
-            unit = getattr(entry, "unit", "")
-            line = f"{name} = {value_text(given[name])}"
+            if not entry.required:
+                default = default_text(part, name, entry).replace("...", "")
+            bound = expected(entry)
+            if isinstance(entry, Number):
+                bound = str(entry.bound)
+                unit = entry.unit
+                if entry.required and entry.shape == (None,):
+                    columns.append(f"{name} [{unit}]" if unit else name)
+            line = f"{name} = {value_text(_example(part, name, entry, table.get(name)))}"
         else:
             continue
-        listed.append(ExplainedEntry(name, unit, bound, entry.required, default, told[name], line))
-    kind = [f'type = "{where.kind}"'] if several else []
-    # keys stand before sections, those that are needed before the others
-    ordered = sorted(listed, key=lambda one: (one.example.startswith("["), not one.required))
-    lines = [
-        one.example if one.required else "#" + one.example.replace("\n", "\n#") for one in ordered
-    ]
-    columns = [
-        f"{name} [{entry.unit}]" if entry.unit else name
-        for name, entry in entries(part).items()
-        if isinstance(entry, Number) and entry.shape == (None,) and entry.required
-    ]
+        listed.append(
+            ExplainedEntry(
+                name=name,
+                unit=unit,
+                bound=bound,
+                required=entry.required,
+                default=default,
+                doc=descriptions[name],
+                example=line,
+            )
+        )
+    lines = [where.titles[0]]
+    if several:
+        lines.append(f'type = "{where.kind}"')
+    lines += map(_example_line, sorted(listed, key=_order_in_section))
     if len(columns) > 1:
         lines.append(f'#csv = "table.csv" instead of the lists; its header: {",".join(columns)}')
-    text = "\n".join([where.titles[0], *kind, *lines])
-    return Explained(where.kind, summary(part), where.titles, tuple(listed), text)
+    return Explained(
+        kind=where.kind,
+        summary=summary(part),
+        places=where.titles,
+        entries=tuple(listed),
+        example="\n".join(lines),
+    )
+
+
+def _order_in_section(entry: ExplainedEntry) -> tuple[bool, bool]:
+    """Sort key: keys stand before sections, those that are needed before the others."""
+    return entry.example.startswith("["), not entry.required
+
+
+def _example_line(entry: ExplainedEntry) -> str:
+    """The example of an entry, behind `#` where the section does not need it."""
+    if entry.required:
+        return entry.example
+    return "#" + entry.example.replace("\n", "\n#")
 
 
 def _section_example(entry: Section, name: str, where: Places) -> str:
     """A section inside with what it needs, or the name of a bearing where one may stand."""
-    known = choices(entry.classes)
-    if NamedBearing in known.values():
+    parts = choices(entry.classes)
+    if NamedBearing in parts.values():
         return f'{name} = ["NAME"]' if entry.rows else f'{name} = "NAME"'
     title = entry.title(join(where.titles[0].strip("[]"), name))
-    # rather one that a machine has
-    kind = next((one for one, part in known.items() if part in _from_machines()), next(iter(known)))
-    inner = _explained(known[kind], Places(kind, (title,), frozenset())).example
+    # rather one that a machine has, of which the values are usual ones
+    in_machines = [kind for kind, part in parts.items() if part in _from_machines()]
+    kind = [*in_machines, *parts][0]
+    inner = _explained(parts[kind], Places(kind, (title,), frozenset())).example
     lines = inner.splitlines()
     return "\n".join(line for line in lines if entry.required or not line.startswith("#"))
 
@@ -205,45 +234,54 @@ def _section_example(entry: Section, name: str, where: Places) -> str:
 def _from_machines() -> Mapping[type[Part], dict[str, Any]]:
     """Values of each part in the files to start from and in the bundled machines."""
     files = [*start_files().values(), *bundled("machines").values()]
-    found: dict[type[Part], dict[str, Any]] = {}
+    values_by_part: dict[type[Part], dict[str, Any]] = {}
     for file in files:
         for path, entry, table in given_sections(tomllib.loads(file.read_text("utf-8"))):
-            _collect(table, entry, path, found)
-    return found
+            _collect(table, entry, path, values_by_part)
+    return values_by_part
 
 
-def _collect(table: Any, entry: Section, path: str, found: dict[type[Part], dict[str, Any]]):
-    part = chosen(table, entry.classes, path)
+def _collect(
+    table: Any, entry: Section, path: str, values_by_part: dict[type[Part], dict[str, Any]]
+):
+    part = selected_class(table, entry.classes, path)
     table = part.written(table)
-    values = found.setdefault(part, {})
+    values = values_by_part.setdefault(part, {})
     for name, inner in entries(part).items():
-        given = table.get(name)
+        written = table.get(name)
         if isinstance(inner, Section):
             for row in tables_under(table, name):
-                _collect(row, inner, join(path, name), found)
-        elif given is not None:
-            value, unit, _ = unwrapped(given, name)
+                _collect(row, inner, join(path, name), values_by_part)
+        elif written is not None:
+            value, unit, _ = unwrapped(written, name)
             value = {"value": value, "unit": unit} if unit else value
             if len(value_text(value)) <= _LONGEST:
                 values.setdefault(name, value)
 
 
-def _example(part: type[Part], name: str, entry: Number | Option, given: Any) -> Any:
+def _example(part: type[Part], name: str, entry: Number | Option, machine_value: Any) -> Any:
     """A value of an entry: that of a machine, otherwise one that is usual and within its bound."""
-    if given is not None:
-        return given
+    if machine_value is not None:
+        return machine_value
     if isinstance(entry, Number):
-        shape = tuple(2 if n in (None, ...) else n for n in entry.shape)
+        shape = [2 if length in (None, ...) else length for length in entry.shape]
         by_name = _BY_NAME.get(f"{kind_of(part)}.{name}") or _BY_NAME.get(name)
         for usual in (by_name, _default_of(part, name, entry), _BY_UNIT.get(entry.unit)):
             if usual is not None and _may_stand(entry, usual, name):
                 return np.full(shape, usual).tolist()
-        low = entry.bound.low
-        high = entry.bound.high
-        inside = (low + high) / 2 if np.isfinite(low + high) else max(low, min(high, 0.0)) + 1.0
-        value = 1.0 if _inside(entry, 1.0) else inside
-        return as_text(np.full(shape, value), entry.unit)
-    return _word(entry.hint, name)
+        return as_text(np.full(shape, _value_inside(entry)), entry.unit)
+    return _option_example(entry.hint, name)
+
+
+def _value_inside(entry: Number) -> float:
+    """A number within the bound: 1 if that is, or the middle of a finite range."""
+    low = entry.bound.low
+    high = entry.bound.high
+    if _inside(entry, 1.0):
+        return 1.0
+    if np.isfinite(low + high):
+        return (low + high) / 2
+    return max(low, min(high, 0.0)) + 1.0
 
 
 def _default_of(part: type[Part], name: str, entry: Number | Option) -> Any:
@@ -271,19 +309,21 @@ def _may_stand(entry: Number, usual: Any, name: str) -> bool:
 def _inside(entry: Number, value: Any) -> bool:
     """`Bound.holds` without JAX, which would compile something for it."""
     low, high, low_open, high_open = entry.bound
-    return bool(
-        (value > low if low_open else value >= low) & (value < high if high_open else value <= high)
-    )
+    above = value > low if low_open else value >= low
+    below = value < high if high_open else value <= high
+    return bool(above & below)
 
 
-def _word(hint: Any, name: str) -> Any:
+def _option_example(hint: Any, name: str) -> Any:
     """A value of an option."""
     inner = get_args(hint)
     if get_origin(hint) is Literal:
         return inner[0]
     if get_origin(hint) is tuple:
-        inner = inner[:1] * 2 if inner[-1] is Ellipsis else inner
-        return [_word(one, name) for one in inner]
+        if inner[-1] is Ellipsis:
+            inner = inner[:1] * 2
+        return [_option_example(member, name) for member in inner]
     if inner:
-        return _word(next(one for one in inner if one is not type(None)), name)
+        words = [member for member in inner if member is not type(None)]
+        return _option_example(words[0], name)
     return {bool: True, int: 1, str: name.upper()}[hint]

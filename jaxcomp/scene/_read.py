@@ -97,74 +97,77 @@ class Reader:
             return {}
         source = _text(table.get("source", source), join(path, "source"))
         return {
-            name: self.part(one, classes, join(path, name), source)
-            for name, one in table.items()
+            name: self.part(section, classes, join(path, name), source)
+            for name, section in table.items()
             if name != "source"
         }
 
-    def _part_or_name(self, given: Any, classes, path: str, source) -> Part | None:
+    def _part_or_name(self, entry: Any, classes, path: str, source) -> Part | None:
         """A part, or the name of a bearing where one may stand."""
-        name, _, own = unwrapped(given, path) if is_value(given) else (None, None, None)
-        if isinstance(name, str) and NamedBearing in choices(classes).values():
-            self.sources[path] = own or source or ""
-            return NamedBearing(name)
-        return self.part(given, classes, path, source)
+        if is_value(entry):
+            name, _, own_source = unwrapped(entry, path)
+            if isinstance(name, str) and NamedBearing in choices(classes).values():
+                self.sources[path] = own_source or source or ""
+                return NamedBearing(name)
+        return self.part(entry, classes, path, source)
 
     def _tried(self, read: Callable[..., Any], *arguments: Any) -> Any:
         """Value that a function reads, `None` where that ends in a problem."""
         before = len(self.problems)
         try:
-            found = read(*arguments)
+            value = read(*arguments)
         except SceneError as error:
-            found = None
+            value = None
             self.problems.append(error)
-        return found if len(self.problems) == before else None
+        return value if len(self.problems) == before else None
 
     def _part(self, table, classes, path, source, ignored) -> Part | None:
         if not isinstance(table, Mapping) or "value" in table:
             raise SceneError(path, f"must be a section [{path}]", table)
-        kind = chosen(table, classes, path)
+        kind = selected_class(table, classes, path)
         table = kind.written(table)
         source = _text(table.get("source", source), join(path, "source"))
-        known = entries(kind)
-        for key in [key for key in table if key not in known]:
+        allowed = entries(kind)
+        for key in [key for key in table if key not in allowed]:
             if join(path, key) in self.stale:
                 del table[key]  # pyright: ignore[reportIndexIssue]
         before = len(self.problems)
         meant = set()
         for key, value in table.items():
-            if key not in known and key not in _META and key not in ignored:
+            if key not in allowed and key not in _META and key not in ignored:
                 few = len(self.problems) < MOST_HINTS
+                hint = ""
+                if few:
+                    hint = _hint(key, allowed, path)
+                    meant.add(nearest(key, allowed))
                 new = _OLD_KEYS.get((kind.__name__, key))
-                hint = _hint(key, known, path) if few else ""
-                hint = f"; it is now {new}" if new else hint
+                if new:
+                    hint = f"; it is now {new}"
                 shown = value.get("value") if isinstance(value, Mapping) else value
                 self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
-                if few:
-                    meant.add(nearest(key, known))
-        given = {
+        values = {
             name: self._tried(self._entry, entry, table[name], join(path, name), source)
-            for name, entry in known.items()
+            for name, entry in allowed.items()
             if name in table
         }
-        for name, entry in known.items():
+        for name, entry in allowed.items():
             # a misspelt key is not reported a second time as a missing one
             if name not in table and entry.required and name not in meant:
                 problem = f"is missing; it must be {expected(entry)}"
                 self.problems.append(SceneError(join(path, name), problem))
-        return _built(kind, given, table, path) if len(self.problems) == before else None
+        return _built(kind, values, table, path) if len(self.problems) == before else None
 
-    def _entry(self, entry: Entry, given: Any, path: str, source: str | None) -> Any:
+    def _entry(self, entry: Entry, written: Any, path: str, source: str | None) -> Any:
         if isinstance(entry, Section):
             if not entry.rows:
-                return self._part_or_name(given, entry.classes, path, source)
-            if not isinstance(given, list):
-                raise SceneError(path, f"must be a row of sections [[{path}]]", given)
+                return self._part_or_name(written, entry.classes, path, source)
+            if not isinstance(written, list):
+                raise SceneError(path, f"must be a row of sections [[{path}]]", written)
             return tuple(
                 self._part_or_name(row, entry.classes, f"{path}.{i}", source)
-                for i, row in enumerate(given)
+                for i, row in enumerate(written)
             )
-        value, unit, own_source = unwrapped(given, path)
+        value, unit, own_source = unwrapped(written, path)
         self.sources[path] = own_source or source or ""
         if isinstance(entry, Number):
             si = to_si(value, entry.unit, path, unit)
@@ -181,97 +184,107 @@ class Reader:
         raise SceneError(path, "cannot be given in a file", value)
 
 
-def _hint(key: str, known: Container[str], path: str) -> str:
+def _hint(key: str, allowed: Container[str], path: str) -> str:
     """Advice in place of an unknown key: a similar one, or its own section where few have it."""
-    places = [] if nearest(key, known) else holders(key)  # pyright: ignore[reportArgumentType]
+    places = [] if nearest(key, allowed) else holders(key)  # pyright: ignore[reportArgumentType]
     if 0 < len(places) <= _FEW:
         return f"; it belongs in {' or '.join(places)}"
-    return did_you_mean(key, known)  # pyright: ignore[reportArgumentType]
+    return did_you_mean(key, allowed)  # pyright: ignore[reportArgumentType]
 
 
-def chosen(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
+def selected_class(table: Mapping, classes: tuple[type, ...], path: str) -> type[Part]:
     """The class that the `type` of a section selects."""
-    known = choices(classes)
+    parts = choices(classes)
     if "type" not in table:
-        if len(known) == 1:
-            return next(iter(known.values()))
-        words = ", ".join(sorted(known))
+        if len(parts) == 1:
+            return next(iter(parts.values()))
+        words = ", ".join(sorted(parts))
         raise SceneError(join(path, "type"), f"is missing; it must be one of: {words}")
     word = table["type"]
-    if not isinstance(word, str) or word not in known:
-        words = ", ".join(sorted(known))
+    if not isinstance(word, str) or word not in parts:
+        words = ", ".join(sorted(parts))
         near = ""
         if isinstance(word, str):
-            near = did_you_mean(word, known)
-            near = near if "did you mean" in near else ""
-            near = f"; it is now {_OLD_TYPES[word]}" if word in _OLD_TYPES else near
+            near = did_you_mean(word, parts)
+            if "did you mean" not in near:  # all words stand in front of it
+                near = ""
+            if word in _OLD_TYPES:
+                near = f"; it is now {_OLD_TYPES[word]}"
         raise SceneError(join(path, "type"), f"must be one of: {words}{near}", word)
-    return known[word]
+    return parts[word]
 
 
-def unwrapped(given: Any, path: str) -> tuple[Any, str | None, str | None]:
+def unwrapped(entry: Any, path: str) -> tuple[Any, str | None, str | None]:
     """Value, unit of bare numbers and source of an entry, which may be a value or a table."""
-    if not isinstance(given, Mapping):
-        return given, None, None
-    for key in given:
+    if not isinstance(entry, Mapping):
+        return entry, None, None
+    for key in entry:
         if key not in ("value", "unit", "source"):
             hint = did_you_mean(key, ("value", "unit", "source"))
             raise SceneError(join(path, key), f"is an unknown key of a value{hint}")
-    if "value" not in given:
+    if "value" not in entry:
         raise SceneError(path, "lacks its `value`")
-    unit, source = (_text(given.get(key), join(path, key)) for key in ("unit", "source"))
-    return given["value"], unit, source
+    unit = _text(entry.get("unit"), join(path, "unit"))
+    source = _text(entry.get("source"), join(path, "source"))
+    return entry["value"], unit, source
 
 
-def is_value(given: Any) -> bool:
+def is_value(entry: Any) -> bool:
     """Whether an entry of a table is a value, bare or with its source, and not a section."""
-    return not isinstance(given, Mapping) or "value" in given
+    return not isinstance(entry, Mapping) or "value" in entry
 
 
-def _built(kind: type[Part], given: dict[str, Any], table: Mapping, path: str) -> Part:
+def _built(kind: type[Part], values: dict[str, Any], table: Mapping, path: str) -> Part:
     try:
-        return kind.of_entries(**given)
+        return kind.of_entries(**values)
     except BadInput as error:
-        if error.field in given:
+        if error.field in values:
             value = unwrapped(table[error.field], path)[0]
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
-        if error.field.split(".")[0] in given:  # a place within a table of parts
-            value = _given_at(table, error.field, error.value)
+        if error.field.split(".")[0] in values:  # a place within a table of parts
+            value = _written_at(table, error.field, error.value)
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names
-        words = [name for name in given if name in error.bound and name in table]
-        shown = ", ".join(f"{name} = {_as_given(table[name], path)}" for name in words)
+        words = [name for name in values if name in error.bound and name in table]
+        shown = ", ".join(f"{name} = {_as_written(table[name], path)}" for name in words)
         but = f", but has {shown}" if shown else ""
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
 
 
-def _as_given(entry: Any, path: str) -> str:
+def _as_written(entry: Any, path: str) -> str:
     """Value of an entry as the file has it, without the middle of a list."""
     value = unwrapped(entry, path)[0]
     return value if isinstance(value, str) else short_value(value)
 
 
-def _given_at(table: Any, path: str, value: Any) -> Any:
+def _written_at(table: Any, path: str, value: Any) -> Any:
     """An entry as the file gives it, with its unit; `value` where it has none or holds it in a list."""
     try:
         table = at(table, path)
     except LookupError:  # a default, or one value for all rows
         return value
-    given = unwrapped(table, path)[0] if is_value(table) else value
-    return value if isinstance(given, list) and not np.ndim(value) else given
+    if not is_value(table):
+        return value
+    written, _, _ = unwrapped(table, path)
+    if isinstance(written, list) and not np.ndim(value):
+        return value
+    return written
 
 
-def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, given: Any) -> None:
-    fits = shape == (...,) or (
-        len(value.shape) == len(shape)
-        and all(want is None or want == got for want, got in zip(shape, value.shape, strict=True))
+def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, written: Any) -> None:
+    if shape == (...,):
+        return
+    fits = len(value.shape) == len(shape) and all(
+        length in (None, actual) for length, actual in zip(shape, value.shape, strict=True)
     )
     if not fits:
-        wanted = " x ".join("n" if n is None else str(n) for n in shape)
-        what = f"a list of {wanted} values" if shape else "a single value"
-        raise SceneError(path, f"must be {what}", given)
+        bound = "a single value"
+        if shape:
+            lengths = " x ".join("n" if length is None else str(length) for length in shape)
+            bound = f"a list of {lengths} values"
+        raise SceneError(path, f"must be {bound}", written)
 
 
 def _text(value: Any, path: str) -> str | None:

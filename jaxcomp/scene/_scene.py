@@ -119,21 +119,25 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     if not isinstance(name_or_path, str | os.PathLike):
         what = f"a {type(name_or_path).__name__}"
         raise SceneError("machine", "must be the name of a bundled machine or of a file", what)
-    given = os.fspath(name_or_path)
-    known = bundled("machines")
-    path = Path(given)
-    if given in known:
-        file = f"{given}.toml"
-        read = known[given].read_bytes
+    name = os.fspath(name_or_path)
+    bundled_files = bundled("machines")
+    path = Path(name)
+    if name in bundled_files:
+        file = f"{name}.toml"
+        read = bundled_files[name].read_bytes
     elif path.exists():
-        file, read = given, lambda: regular(path).read_bytes()
+        file, read = name, lambda: regular(path).read_bytes()
     elif path.suffix == ".toml":
         files = (str(other) for other in path.parent.glob("*.toml"))
-        raise SceneError("", f"cannot be read: No such file{hint(given, files)}", file=given)
+        raise SceneError("", f"cannot be read: No such file{hint(name, files)}", file=name)
     else:
-        file = f"{given}.toml"
-        near = f'; did you mean "{file}"?' if Path(file).exists() else did_you_mean(given, known)
-        raise SceneError("", f'no machine and no file has the name "{given}"{near}')
+        file = f"{name}.toml"
+        near = (
+            f'; did you mean "{file}"?'
+            if Path(file).exists()
+            else did_you_mean(name, bundled_files)
+        )
+        raise SceneError("", f'no machine and no file has the name "{name}"{near}')
     with reading(file):
         return loads(read(), file)
 
@@ -150,9 +154,10 @@ def loads(text: str | bytes, file: str = "", *, beside: bool = True) -> Scene:
         SceneError: as `load`.
     """
     document = toml_tables(text, file)
-    text = text if isinstance(text, str) else text.decode("utf-8")
+    if not isinstance(text, str):
+        text = text.decode("utf-8")
     return with_springs_counted(
-        scene_of(document, file, text=text.removeprefix("\ufeff"), beside=beside)
+        scene_of(document, file, text=text.removeprefix("\ufeff"), with_csv=beside)
     )
 
 
@@ -168,8 +173,11 @@ def dump(scene: Scene) -> str:
 def machines() -> tuple[Bundled, ...]:
     """The bundled machines, by name."""
     files = bundled("machines").items()
-    headers = {name: tomllib.loads(file.read_text("utf-8")) for name, file in files}
-    return tuple(Bundled(name, one.get("description", "")) for name, one in headers.items())
+    listed = []
+    for name, file in files:
+        header = tomllib.loads(file.read_text("utf-8"))
+        listed.append(Bundled(name, header.get("description", "")))
+    return tuple(listed)
 
 
 def _check_beside(name: str, part: Part, parts: Mapping[str, Part]) -> None:
@@ -198,7 +206,7 @@ def scene_of(
     stale: Iterable[str] = (),
     text: str = "",
     corrections: Mapping[str, Array] | None = None,
-    beside: bool = True,
+    with_csv: bool = True,
 ) -> Scene:
     """The scene that tables describe.
 
@@ -208,13 +216,13 @@ def scene_of(
         stale: paths of entries that are dropped where their section has no use for them.
         text: as in `Scene`.
         corrections: [kg m] unbalance that is added in correction planes, by name.
-        beside: as in `loads`.
+        with_csv: as in `loads`.
 
     Raises:
         SceneError: as `load`.
     """
     with reading(file):
-        document = with_tables(document, Path(file).parent if beside else None)
+        document = with_tables(document, Path(file).parent if with_csv else None)
         check_tables(document)
         if not document:
             raise SceneError("", "is empty; `jaxcomp new FILE` writes a machine to start from")
@@ -222,12 +230,12 @@ def scene_of(
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")
         description = document.get("description", "")
-        found = Scene(name, description, machine, sources, file, document, text)
+        scene = Scene(name, description, machine, sources, file, document, text)
         try:
-            found.assembly  # noqa: B018  names what the parts want of each other and do not find
+            scene.assembly  # noqa: B018  names what the parts want of each other and do not find
         except BadInput as error:
             raise SceneError(error.field, f"must be {error.bound}", error.value) from None
-    return found
+    return scene
 
 
 def with_springs_counted(scene: Scene) -> Scene:
@@ -252,8 +260,8 @@ def _machine(
     document: dict[str, Any], reader: Reader, corrections: Mapping[str, Array]
 ) -> tuple[Machine, dict[str, str]]:
     """The parts of all sections, and where their values come from."""
-    own = entries(Compressor)
-    sections = {*own, *HEADER, *SECTIONS, *NAMED}
+    crank_drive = entries(Compressor).keys()
+    sections = {*crank_drive, *HEADER, *SECTIONS, *NAMED}
     for key in HEADER:
         if not isinstance(document.get(key, ""), str):
             reader.problems.append(SceneError(key, "must be a text", document[key]))
@@ -268,7 +276,8 @@ def _machine(
     source = document.get("source")
     compressor = None
     parts = {}
-    if any(key in own for key in document) or not any(key in SECTIONS for key in document):
+    # without any section that stands alone the crank drive is what is missing
+    if document.keys() & crank_drive or not document.keys() & SECTIONS.keys():
         ignored = frozenset((*HEADER, *SECTIONS, *NAMED, *unknown))
         compressor = reader.part(document, (Compressor,), "", source, ignored=ignored)
     for name, part in SECTIONS.items():
@@ -279,8 +288,8 @@ def _machine(
         for name, part in NAMED.items()
     }
     if reader.problems:
-        first, *others = reader.problems
-        raise SceneError(first.key, first.problem, first.value, others=others)
+        first, *further = reader.problems
+        raise SceneError(first.key, first.problem, first.value, others=further)
     for name, part in parts.items():
         _check_beside(name, part, parts)
     planes = correction_planes(parts.get("balancing"))

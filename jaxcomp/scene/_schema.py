@@ -99,8 +99,10 @@ def imported(part: type[Part] | str) -> type[Part]:
 
 def top_sections() -> dict[str, Section]:
     """The sections of a file, in order, but for those with names of their own (`NAMED`)."""
-    own = {name: one for name, one in entries(Compressor).items() if isinstance(one, Section)}
-    return own | {name: Section((imported(part),), False) for name, part in SECTIONS.items()}
+    sections = {
+        name: entry for name, entry in entries(Compressor).items() if isinstance(entry, Section)
+    }
+    return sections | {name: Section((imported(part),), False) for name, part in SECTIONS.items()}
 
 
 def given_sections(document: Mapping[str, Any]) -> Iterator[tuple[str, Section, Any]]:
@@ -121,8 +123,8 @@ def every_place() -> tuple[tuple[str, str, type[Part]], ...]:
     return tuple(_places_in(top_sections() | named, "", ()))
 
 
-def _places_in(known: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
-    for name, entry in known.items():
+def _places_in(section_entries: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
+    for name, entry in section_entries.items():
         if not isinstance(entry, Section):
             continue
         path = join(above, name)
@@ -156,12 +158,13 @@ def meanings(part: type[Part]) -> dict[str, str]:
     """
     _, _, text = (inspect.getdoc(part) or "").partition("Args:\n")
     block = re.split(r"\n\S", text)[0]
-    found = re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE)
-    # without unit and shape, which the declaration has
-    bare = {name: re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", told) for name, told in found}
-    told = {name: " ".join(words.split()).rstrip(".") for name, words in bare.items()}
+    arguments = {}
+    for name, words in re.findall(r"^    (\w+): (.*(?:\n     +.*)*)", block, re.MULTILINE):
+        # without unit and shape, which the declaration has
+        plain = re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", words)
+        arguments[name] = " ".join(plain.split()).rstrip(".")
     return {
-        name: getattr(entry, "doc", "") or told.get(name, "")
+        name: getattr(entry, "doc", "") or arguments.get(name, "")
         for name, entry in entries(part).items()
     }
 
@@ -186,25 +189,32 @@ def choices(classes: tuple[type, ...]) -> dict[str, type[Part]]:
             kind of one of this package.
     """
     import_extensions()
-    found: dict[str, type[Part]] = {}
+    by_kind: dict[str, type[Part]] = {}
     for base in classes:
         for part in _descendants(Part if _is_protocol(base) else base):
             if _is_protocol(base) and not issubclass(part, base):
                 continue
-            concrete = not inspect.isabstract(part) and not part.__name__.startswith("Abstract")
-            concrete &= getattr(part, "in_files", True)  # some laws only the solvers make
-            if concrete and not any(
-                isinstance(entry, Unreadable) and entry.required for entry in entries(part).values()
-            ):
-                _check_kind(part, found.get(kind_of(part), part))
-                found[kind_of(part)] = part
-    return found
+            if _in_files(part):
+                _check_kind(part, by_kind.get(kind_of(part), part))
+                by_kind[kind_of(part)] = part
+    return by_kind
+
+
+def _in_files(part: type[Part]) -> bool:
+    """Whether a class is a concrete one that a file can describe."""
+    if inspect.isabstract(part) or part.__name__.startswith("Abstract"):
+        return False
+    if not getattr(part, "in_files", True):  # some laws only the solvers make
+        return False
+    return not any(
+        isinstance(entry, Unreadable) and entry.required for entry in entries(part).values()
+    )
 
 
 def _check_kind(part: type[Part], other: type[Part]) -> None:
     """That no class of another package takes the kind of one of this package."""
-    own = __name__.partition(".")[0] + "."
-    if other.__module__.startswith(own) and not part.__module__.startswith(own):
+    package = __name__.partition(".")[0] + "."
+    if other.__module__.startswith(package) and not part.__module__.startswith(package):
         raise ExtensionError(
             f'{part.__module__}.{part.__qualname__} has the kind "{kind_of(part)}" of '
             f"{other.__module__}.{other.__qualname__}; give it another `kind`."
@@ -219,7 +229,7 @@ def option_value(hint: Any, value: Any) -> Any:
     """
     members = _members(hint)
     if len(members) > 1:
-        for member in sorted(members, key=lambda one: one is not type(None)):
+        for member in sorted(members, key=lambda alternative: alternative is not type(None)):
             with suppress(ValueError):
                 return option_value(member, value)
     elif hint is type(None) and value == "none":
@@ -235,12 +245,16 @@ def option_value(hint: Any, value: Any) -> Any:
                 return tuple(map(option_value, inner, value))
     elif type(value) is hint:
         return value
-    words = [
-        word for member in members for word in typing.get_args(member) if isinstance(word, str)
-    ]
+    raise ValueError(f"must be {_described(hint)}{_near_word(members, value)}")
+
+
+def _near_word(members: tuple[Any, ...], value: Any) -> str:
+    """The word of some hints that a wrong one is near to, as the end of a message."""
+    words = []
+    for member in members:
+        words += [word for word in typing.get_args(member) if isinstance(word, str)]
     near = did_you_mean(value, words) if isinstance(value, str) and words else ""
-    near = near if "did you mean" in near else ""  # all that is known stands in front of it
-    raise ValueError(f"must be {_described(hint)}{near}")
+    return near if "did you mean" in near else ""  # all that is known stands in front of it
 
 
 def expected(entry: Entry) -> str:
@@ -249,9 +263,10 @@ def expected(entry: Entry) -> str:
         unit = f"[{entry.unit}]" if entry.unit else "pure"
         bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"
         doc = f", {entry.doc}" if entry.doc else ""
-        what = "a list of numbers" if entry.shape else "a number"
-        what = "a number or a list of numbers" if entry.spread else what
-        return f"{what}{bound} {unit}{doc}"
+        kind = "a list of numbers" if entry.shape else "a number"
+        if entry.spread:
+            kind = "a number or a list of numbers"
+        return f"{kind}{bound} {unit}{doc}"
     if isinstance(entry, Section) and not entry.rows:
         return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
     return _described(entry.hint) if isinstance(entry, Option) else "given"
@@ -261,16 +276,23 @@ def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
     none = dataclasses.MISSING
     required = field.default is none and field.default_factory is none
     if "unit" in field.metadata:
-        m = field.metadata
-        each &= m["shape"] == ()
-        return Number(m["unit"], m["bound"], m["shape"], required, m["doc"], m["spread"], each)
-    options = tuple(h for h in _members(hint) if h is not type(None))
-    if options and all(_is_part(h) for h in options):
+        declared = field.metadata
+        return Number(
+            unit=declared["unit"],
+            bound=declared["bound"],
+            shape=declared["shape"],
+            required=required,
+            doc=declared["doc"],
+            spread=declared["spread"],
+            each=each and declared["shape"] == (),
+        )
+    options = tuple(member for member in _members(hint) if member is not type(None))
+    if options and all(map(_is_part, options)):
         return Section(options, required)
     if typing.get_origin(hint) is tuple:
         inner = typing.get_args(hint)
         members = _members(inner[0])
-        if len(inner) == 2 and inner[1] is Ellipsis and all(_is_part(h) for h in members):
+        if len(inner) == 2 and inner[1] is Ellipsis and all(map(_is_part, members)):
             return Section(members, required, rows=True)
     return Option(hint, required) if _is_option(hint) else Unreadable(required)
 
@@ -278,7 +300,9 @@ def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
 def _descendants(base: type):
     yield base
     # what holds for single cylinders comes behind what holds for all
-    for child in sorted(base.__subclasses__(), key=lambda one: issubclass(one, AbstractEach)):
+    for child in sorted(
+        base.__subclasses__(), key=lambda subclass: issubclass(subclass, AbstractEach)
+    ):
         yield from _descendants(child)
 
 
@@ -301,20 +325,21 @@ def _is_option(hint: Any) -> bool:
     if len(_members(hint)) > 1:
         return all(map(_is_option, _members(hint)))
     if typing.get_origin(hint) is tuple:
-        return all(_is_option(h) for h in typing.get_args(hint) if h is not Ellipsis)
+        inner = typing.get_args(hint)
+        return all(_is_option(member) for member in inner if member is not Ellipsis)
     return hint in (bool, int, str, type(None)) or typing.get_origin(hint) is Literal
 
 
 def _described(hint: Any) -> str:
     members = _members(hint)
     if len(members) > 1:
-        return " or ".join(_described(member) for member in members)
+        return " or ".join(map(_described, members))
     if typing.get_origin(hint) is Literal:
         return "one of " + ", ".join(f'"{word}"' for word in typing.get_args(hint))
     if typing.get_origin(hint) is tuple:
         inner = typing.get_args(hint)
         if len(inner) == 2 and inner[1] is Ellipsis:
             return f"a list, each entry {_described(inner[0])}"
-        return "a list of " + ", ".join(_described(item) for item in inner)
+        return "a list of " + ", ".join(map(_described, inner))
     names = {bool: "true or false", int: "a whole number", str: "a text", type(None): '"none"'}
     return names[hint]

@@ -44,38 +44,38 @@ def bare_name(name: str) -> str:
     return re.sub(r"[\s_-]+", "", name).lower()
 
 
-def known_name(name: str, known: Iterable[str]) -> str | None:
+def known_name(name: str, names: Iterable[str]) -> str | None:
     """The one of some names that is meant, `None` if none is."""
     bare = bare_name(name)
-    return next((word for word in known if bare_name(word) == bare), None)
+    return next((word for word in names if bare_name(word) == bare), None)
 
 
 def settings_of(
-    lines: Iterable[SettingLine], known: Iterable[str] = (), machine: "Machine | None" = None
+    lines: Iterable[SettingLine], names: Iterable[str] = (), machine: "Machine | None" = None
 ) -> dict[str, str]:
     """Texts of the settings of a file by their names.
 
     Args:
         lines: as `read_table_text` gives them.
-        known: names that this kind of file knows beside `WORDS`.
+        names: names that this kind of file knows beside `WORDS`.
         machine: whose numbers may be set as well, by their dotted paths.
 
     Raises:
         SceneError: an unknown setting, one without a value, or one that is given twice.
     """
-    known = (*WORDS, *known)
+    names = (*WORDS, *names)
     settings: dict[str, str] = {}
     numbers: dict[str, int] = {}
     for line in lines:
-        name = known_name(line.key, known)
+        name = known_name(line.key, names)
         if line.sign == "":
-            _refuse_missing_sign(line, known)
+            _refuse_missing_sign(line, names)
         if line.sign != "=" and (name is None or line.sign == ""):
             continue  # a remark
         if name is None and bare_name(line.key).startswith(bare_name(ERROR_OF)):
             continue
         if name is None:
-            name = _path_of(line.key[:_LONGEST], known, machine)
+            name = _path_of(line.key[:_LONGEST], names, machine)
         if name not in WORDS and len(line.value) > _LONGEST:
             raise SceneError(f"line {line.number}.{name}", "is too long for a number with its unit")
         if name in settings:
@@ -89,22 +89,22 @@ def settings_of(
     return settings
 
 
-def _refuse_missing_sign(line: SettingLine, known: Iterable[str]) -> None:
+def _refuse_missing_sign(line: SettingLine, names: Iterable[str]) -> None:
     """Refuse a remark that is a setting without its sign, as "speed 900 rpm".
 
     Raises:
         SceneError: it is.
     """
     match = _WITHOUT_SIGN.fullmatch(line.key[:_LONGEST])
-    name = None if match is None else known_name(match[1], known)
+    name = None if match is None else known_name(match[1], names)
     if match is not None and name is not None and name not in WORDS:
         problem = f'lacks its "="; write "# {name} = {match[2]}"'
         raise SceneError(f"line {line.number}.{name}", problem)
 
 
-def _path_of(key: str, known: Iterable[str], machine: "Machine | None") -> str:
+def _path_of(key: str, names: Iterable[str], machine: "Machine | None") -> str:
     """Dotted path of the number of a machine that a key names."""
-    problem = f"is an unknown setting{_nearest_setting(key, known)}"
+    problem = f"is an unknown setting{_nearest_setting(key, names)}"
     problem += '; a remark has no "="'
     if machine is None:
         raise SceneError(key, problem)
@@ -116,7 +116,7 @@ def _path_of(key: str, known: Iterable[str], machine: "Machine | None") -> str:
         variable(machine, name)
     except BadInput as error:
         # the error has the nearest path, unless the key is a misspelt word
-        if nearest(key, known) is not None:
+        if nearest(key, names) is not None:
             raise SceneError(key, problem) from None
         ends = [path for path in variable_names(machine) if _ends_with(path, key)]
         meant = f' did you mean "{ends[0]}"?' if ends else ""
@@ -130,28 +130,28 @@ def _ends_with(path: str, key: str) -> bool:
     return bool(bare_name(key)) and bare_name(path).rpartition(".")[2].endswith(bare_name(key))
 
 
-def _nearest_setting(key: str, known: Iterable[str]) -> str:
+def _nearest_setting(key: str, names: Iterable[str]) -> str:
     """The nearest known setting, also to the last word of a dotted path; else what is known."""
-    known = list(known)
+    names = list(names)
     plain = key.strip().lower().replace(" ", "_")
-    last = plain.rpartition(".")[2]
-    word = plain if nearest(plain, known) else last
-    return did_you_mean(word, known)
+    last_word = plain.rpartition(".")[2]
+    word = plain if nearest(plain, names) else last_word
+    return did_you_mean(word, names)
 
 
-def machine_settings(settings: Mapping[str, str], machine: "Machine", own: Iterable[str] = ()):
+def machine_settings(settings: Mapping[str, str], machine: "Machine", of_kind: Iterable[str] = ()):
     """[SI] Numbers of a machine that settings give, by their paths.
 
     Args:
         settings: as `settings_of` gives them.
         machine: whose numbers are meant.
-        own: settings of the kind, which are no numbers of the machine.
+        of_kind: settings of the kind, which are no numbers of the machine.
     """
     from ..study import variable
 
     values: dict[str, float] = {}
     for name, text in settings.items():
-        if name not in WORDS and name not in own:
+        if name not in WORDS and name not in of_kind:
             values[name] = float(to_si(_without_remark(text), variable(machine, name).unit, name))
     return values
 
@@ -183,13 +183,13 @@ def measure_setting(settings: Mapping[str, str], name: str, example: str) -> tup
     """
     text = _without_remark(settings[name])
     match = _MEASURE.fullmatch(text)
-    wanted = f'as in "{name} = {example}"'
+    advice = f'as in "{name} = {example}"'
     if match is None or match[2].startswith("."):
-        raise SceneError(name, f"must be a number with its unit, {wanted}", settings[name])
+        raise SceneError(name, f"must be a number with its unit, {advice}", settings[name])
     if re.match(r",\d", match[2]):
-        raise SceneError(name, f"has a decimal comma; write a point, {wanted}", settings[name])
+        raise SceneError(name, f"has a decimal comma; write a point, {advice}", settings[name])
     if not match[2]:
-        raise SceneError(name, f"needs its unit, {wanted}", settings[name])
+        raise SceneError(name, f"needs its unit, {advice}", settings[name])
     return float(match[1]), match[2]
 
 
@@ -211,9 +211,9 @@ def _without_remark(text: str) -> str:
     return _AFTER_VALUE.split(text, maxsplit=1)[0].strip()
 
 
-def same_fluid(one: str, other: str) -> bool:
+def same_fluid(name: str, other_name: str) -> bool:
     """Whether two names are of one fluid: R22 and R-22 are."""
-    return bare_name(one) == bare_name(other)
+    return bare_name(name) == bare_name(other_name)
 
 
 def fluid_of(machine: "Machine") -> str:

@@ -102,11 +102,14 @@ def decoded(content: bytes) -> str:
     Raises:
         SceneError: neither.
     """
-    marks = [mark for mark in _MARKS if content.startswith(mark)]
-    mark = marks[0] if marks else b""
-    encoding = _MARKS.get(mark, "utf-8")
+    encoding = "utf-8"
+    for mark, of_mark in _MARKS.items():
+        if content.startswith(mark):
+            content = content.removeprefix(mark)
+            encoding = of_mark
+            break
     try:
-        text = content[len(mark) :].decode(encoding)
+        text = content.decode(encoding)
     except UnicodeDecodeError:
         raise SceneError("", f"is no text in {encoding.upper()}; {_SAVE}") from None
     if "\0" in text:
@@ -120,9 +123,9 @@ def table_text(text: str) -> TableText:
     settings = []
     separator = None
     for number, line in enumerate(text.split("\n"), 1):
-        beside = _line_beside_table(line)
-        if beside is not None:
-            settings.append(_setting_line(number, beside))
+        hash_line = _line_beside_table(line)
+        if hash_line is not None:
+            settings.append(_setting_line(number, hash_line))
         elif not lines and (match := _SEPARATOR_LINE.fullmatch(line)):
             separator = match[1]
         elif _CONTENT.search(line):
@@ -188,8 +191,8 @@ def _line_beside_table(line: str) -> str | None:
 def _setting_line(number: int, text: str) -> SettingLine:
     text = text.lstrip("# \t")
     for sign in ("=", ":"):
-        key, found, value = text.partition(sign)
-        if found:
+        if sign in text:
+            key, _, value = text.partition(sign)
             return SettingLine(number, key.strip(), sign, value.strip())
     return SettingLine(number, text.strip(), "", "")
 
@@ -241,7 +244,7 @@ def _with_decimal_points(rows: list[Row]) -> list[Row]:
         other = f'"{with_point[1].strip()}" in line {with_point[0]}'
         problem = f"has a decimal comma, and {other} a decimal point; a file has one of the two"
         raise SceneError(f"line {number}", problem, cell.strip())
-    return [Row(row.number, [_with_point(cell) for cell in row.cells]) for row in rows]
+    return [Row(row.number, list(map(_with_point, row.cells))) for row in rows]
 
 
 def _with_point(cell: str) -> str:
@@ -263,11 +266,11 @@ def _with_line_of_units(heads: list[Head], rows: list[Row]) -> tuple[list[Head],
     """Heads with the units of a line below them, where no head has its own, and the rows below."""
     if not rows or any(head.unit for head in heads):
         return heads, rows
-    cells = [cell.strip() for cell in rows[0].cells]
+    cells = list(map(str.strip, rows[0].cells))
     if any(cell.startswith("#") or _is_number(cell) for cell in cells):
         return heads, rows
     # a line of words alone would be one of readings, were it not that all of these have a number
-    units = [_unit_of(cell) for cell in cells]
+    units = map(_unit_of, cells)
     with_units = [Head(head.name, unit) for head, unit in zip(heads, units, strict=True)]
     return with_units, rows[1:]
 

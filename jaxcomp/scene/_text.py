@@ -56,12 +56,12 @@ class SceneError(ValueError):
         key = cut(key, 200)
         problem = cut(problem, _LONGEST_PROBLEM)
         entry = key if value is None else f"{key} = {short_value(value)}"
-        super().__init__(visible(": ".join(part for part in (file, entry, problem) if part)))
+        super().__init__(visible(": ".join(filter(None, (file, entry, problem)))))
 
     def in_file(self, file: str) -> "SceneError":
         """These complaints with the name of the file in front, unless they name one."""
-        others = [other.in_file(file) for other in self.others]
-        return SceneError(self.key, self.problem, self.value, self.file or file, others)
+        further = [other.in_file(file) for other in self.others]
+        return SceneError(self.key, self.problem, self.value, self.file or file, further)
 
 
 @contextmanager
@@ -79,9 +79,9 @@ def reading(file: str) -> Iterator[None]:
         raise SceneError("", "is no text in UTF-8", file=file) from None
 
 
-def cut(text: str, most: int) -> str:
+def cut(text: str, length: int) -> str:
     """A text of at most so many characters, with dots for what is left out."""
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+    return text if len(text) <= length else f"{text[: length - 3]}..."
 
 
 def visible(text: str) -> str:
@@ -90,6 +90,7 @@ def visible(text: str) -> str:
 
 
 def short_value(value: Any) -> str:
+    """A value as messages print it: in one line of at most 60 characters."""
     if isinstance(value, str):
         text = f'"{value[:100]}"'
     elif isinstance(value, int) and abs(value) > 10**60:  # Python writes no more than some digits
@@ -161,23 +162,25 @@ def _check_text(path: str, text: str) -> None:
 def _explained(text: str, error: tomllib.TOMLDecodeError) -> SceneError:
     """Explanation of a fault in the line at which reading ended, with its key and what to write."""
     place = _LINE.search(str(error))
-    lines = [line[:_LONGEST] for line in text.split("\n")[: int(place[1]) if place else 0]]
-    given, value, title = _key(lines, len(lines) - 1)
-    if given:
+    count = int(place[1]) if place else 0
+    lines = [line[:_LONGEST] for line in text.split("\n")[:count]]
+    path, value, title = _key(lines, len(lines) - 1)
+    if path:
         for at in range(len(lines) - 1):
-            if _key(lines, at)[::2] == (given, title) and _TWICE.search(str(error)):
+            if _key(lines, at)[::2] == (path, title) and _TWICE.search(str(error)):
                 lines_ = f"lines {at + 1} and {len(lines)}"
-                return SceneError(given, f"is given twice, in {lines_}; keep one of them")
-        last = given.rpartition(".")[2]
+                return SceneError(path, f"is given twice, in {lines_}; keep one of them")
+        key = path.rpartition(".")[2]
         if comma := _COMMA.fullmatch(value):
             point = f"{comma[1]}.{comma[2]}"
-            point = f'"{point} {comma[3]}"' if comma[3] else point
-            return SceneError(given, f"has a decimal comma; write {last} = {point}", _Bare(value))
+            if comma[3]:  # with a unit it is a text
+                point = f'"{point} {comma[3]}"'
+            return SceneError(path, f"has a decimal comma; write {key} = {point}", _Unquoted(value))
         if value and not set(value) & set("\"'[]{}=,") and not _NUMBER.fullmatch(value):
-            return SceneError(given, f'lacks its quotes; write {last} = "{value}"', _Bare(value))
+            return SceneError(path, f'lacks its quotes; write {key} = "{value}"', _Unquoted(value))
         if value.count('"') % 2:
-            whole = value.strip('"')
-            return SceneError(given, f'lacks a quote; write {last} = "{whole}"', _Bare(value))
+            unquoted = value.strip('"')
+            return SceneError(path, f'lacks a quote; write {key} = "{unquoted}"', _Unquoted(value))
     return SceneError("", f"is not valid TOML: {error}")
 
 
@@ -190,12 +193,15 @@ def _key(lines: list[str], at: int) -> tuple[str, str, bool]:
     pair = _PAIR.fullmatch(lines[at])
     if pair is None:
         return "", "", False
-    heads = (_TITLE.fullmatch(line) for line in reversed(lines[:at]))
-    title = next((head[1] for head in heads if head), "")
-    return f"{title}.{pair[1]}" if title else pair[1], pair[2], False
+    path = pair[1]
+    for line in reversed(lines[:at]):
+        if title := _TITLE.fullmatch(line):
+            path = f"{title[1]}.{path}"
+            break
+    return path, pair[2], False
 
 
-class _Bare(NamedTuple):
+class _Unquoted(NamedTuple):
     """A value as it stands in the file, which messages show without quotes of their own."""
 
     text: str
@@ -222,9 +228,9 @@ def toml_text_like(text: str, document: Mapping[str, Any]) -> str:
     from tomlkit.exceptions import TOMLKitError
 
     with suppress(TOMLKitError, tomllib.TOMLDecodeError):
-        kept = tomlkit.parse(text)
-        _update(kept, document)
-        out = tomlkit.dumps(kept)
+        layout = tomlkit.parse(text)
+        _update(layout, document)
+        out = tomlkit.dumps(layout)
         if tomllib.loads(out) == document:
             return out
     return toml_text(document)
@@ -262,22 +268,22 @@ def _section(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     return lines
 
 
-def _update(kept: Any, document: Mapping[str, Any]) -> None:
+def _update(tables: Any, document: Mapping[str, Any]) -> None:
     """Make tables of tomlkit hold what a document holds, and touch nothing that agrees."""
-    for key in [key for key in kept if key not in document]:
-        kept.remove(key)
-    olds = kept.unwrap()
+    for key in [key for key in tables if key not in document]:
+        tables.remove(key)
+    olds = tables.unwrap()
     for key, value in document.items():
         old = olds.get(key)
         if old == value and type(old) is type(value):
             continue
         if is_section(value) and is_section(old):
-            _update(kept[key], value)
+            _update(tables[key], value)
         elif is_row_of_sections(value) and is_row_of_sections(old) and len(old) == len(value):
-            for row, wanted in zip(kept[key], value, strict=True):
-                _update(row, wanted)
+            for row, row_document in zip(tables[key], value, strict=True):
+                _update(row, row_document)
         else:
-            kept[key] = _item(key, value)
+            tables[key] = _item(key, value)
 
 
 def _item(key: str, value: Any) -> Any:

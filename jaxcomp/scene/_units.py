@@ -63,14 +63,14 @@ FREQUENT = {
 
 
 def to_si(
-    given: Any, unit: str, key: str, default_unit: str | None = None, difference: bool = False
+    written: Any, unit: str, key: str, default_unit: str | None = None, difference: bool = False
 ) -> np.ndarray:
     """A value of a machine file in SI units.
 
     A temperature may be given in degrees ("-23.3 degC"), a difference of temperatures in K only.
 
     Args:
-        given: number, text with a unit, or (nested) list of them.
+        written: number, text with a unit, or (nested) list of them.
         unit: SI unit of the result, empty for a pure number.
         key: dotted path of the entry, for the message.
         default_unit: unit of bare numbers, where one was given for all of them.
@@ -82,54 +82,59 @@ def to_si(
     Raises:
         SceneError: no number, another dimension, a missing unit, or a value that is not finite.
     """
-    if isinstance(given, list):
+    if isinstance(written, list):
         parts = [
             to_si(part, unit, f"{key}.{i}", default_unit, difference)
-            for i, part in enumerate(given)
+            for i, part in enumerate(written)
         ]
         if len({part.shape for part in parts}) > 1:
-            raise SceneError(key, "has rows of different length", given)
+            raise SceneError(key, "has rows of different length", written)
         return np.array(parts, dtype=float).reshape(len(parts), *(parts[0].shape if parts else ()))
     level = not difference and is_temperature(key.partition("=")[0], unit)  # of an option
-    return np.asarray(_single(given, unit, key, default_unit, level))
+    return np.asarray(_single(written, unit, key, default_unit, level))
 
 
-def _single(given: Any, unit: str, key: str, default_unit: str | None, level: bool) -> float:
-    wanted = _wanted(unit, level)
-    if isinstance(given, bool) or not isinstance(given, int | float | str):
-        raise SceneError(key, f"must be {wanted}", given)
-    if isinstance(given, str):
-        if _NOT_FINITE.fullmatch(given[:_LONGEST_TEXT]):
-            raise SceneError(key, "must be finite", given)
-        if unit == "Pa s" and (grade := _GRADE.fullmatch(given[:_LONGEST_TEXT])):
-            return _oil(grade, key, given)
-        match = _QUANTITY.fullmatch(given) if len(given) <= _LONGEST_TEXT else None
+def _quantity(written: Any) -> re.Match | None:
+    """Number and unit of a text; `None` for anything else."""
+    return _QUANTITY.fullmatch(written) if isinstance(written, str) else None
+
+
+def _single(written: Any, unit: str, key: str, default_unit: str | None, level: bool) -> float:
+    expected = _expected(unit, level)
+    if isinstance(written, bool) or not isinstance(written, int | float | str):
+        raise SceneError(key, f"must be {expected}", written)
+    if isinstance(written, str):
+        if _NOT_FINITE.fullmatch(written[:_LONGEST_TEXT]):
+            raise SceneError(key, "must be finite", written)
+        if unit == "Pa s" and (grade := _GRADE.fullmatch(written[:_LONGEST_TEXT])):
+            return _oil_viscosity(grade, key, written)
+        match = _QUANTITY.fullmatch(written) if len(written) <= _LONGEST_TEXT else None
         # behind a number stands no second point, as in 1.2.3 mm
-        if not match or given[match.end(1) :].startswith("."):
-            raise SceneError(key, f"is no number; it must be {wanted}", given)
-        if comma := _DECIMAL_COMMA.fullmatch(given):
+        if not match or written[match.end(1) :].startswith("."):
+            raise SceneError(key, f"is no number; it must be {expected}", written)
+        if comma := _DECIMAL_COMMA.fullmatch(written):
             point = f"{comma[1]}.{comma[2]}"
-            raise SceneError(key, f'has a decimal comma; write "{point}"', given)
+            raise SceneError(key, f'has a decimal comma; write "{point}"', written)
         number = float(match[1])
         given_unit = match[2]
     else:
         # a whole number has as many digits as the file gives it
-        number = float(given) if abs(given) < 1e308 else math.inf
+        number = float(written) if abs(written) < 1e308 else math.inf
         given_unit = ""
     if not math.isfinite(number):
-        raise SceneError(key, "must be finite", given)
+        raise SceneError(key, "must be finite", written)
     given_unit = given_unit or default_unit or ""
     if not given_unit and unit:
-        raise SceneError(key, f"lacks its unit; it must be {wanted}", given)
-    size, zero = scale(given_unit, unit, level, key, given)
+        raise SceneError(key, f"lacks its unit; it must be {expected}", written)
+    size, zero = scale(given_unit, unit, level, key, written)
     value = number * size + zero
     if not math.isfinite(value):
-        raise SceneError(key, "must be finite", given)
+        raise SceneError(key, "must be finite", written)
     return value
 
 
 def scale(
-    given_unit: str, unit: str, level: bool, key: str = "", given: Any = None
+    given_unit: str, unit: str, level: bool, key: str = "", written: Any = None
 ) -> tuple[float, float]:
     """Size of one `given_unit` in `unit`, and its zero.
 
@@ -137,26 +142,26 @@ def scale(
         given_unit: of the number.
         unit: SI unit.
         level: whether a temperature is meant, and no difference of temperatures.
-        key, given: of the entry, for the message.
+        key, written: of the entry, for the message.
 
     Raises:
         SceneError: as `factor`, and a unit of temperatures for a difference of them.
     """
     degrees = _LEVELS.get(given_unit.lower()) if unit == "K" else None
     if degrees and not level:
-        match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
-        size = (
-            f'write "{float(match[1]) * degrees[0]:g} K"'
-            if match
-            else "its unit is K or delta_degF"
-        )
+        match = _quantity(written)
+        advice = "its unit is K or delta_degF"
+        if match:
+            advice = f'write "{float(match[1]) * degrees[0]:g} K"'
         raise SceneError(
-            key, f"is a temperature, where a difference of temperatures is needed; {size}", given
+            key,
+            f"is a temperature, where a difference of temperatures is needed; {advice}",
+            written,
         )
-    return degrees or (factor(given_unit, unit, key, given), 0.0)
+    return degrees or (factor(given_unit, unit, key, written), 0.0)
 
 
-def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> float:
+def factor(given_unit: str, unit: str, key: str = "", written: Any = None) -> float:
     """Size of one `given_unit` in `unit`.
 
     Raises:
@@ -168,12 +173,12 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
         return FREQUENT[given_unit, unit]
     source = _parsed(given_unit)
     target = _parsed(unit)
-    advice = _advice(given_unit, unit, given)
+    advice = _advice(given_unit, unit, written)
     if advice:
-        raise SceneError(key, advice, given)
+        raise SceneError(key, advice, written)
     if source is None:
         raise SceneError(
-            key, f'has the unknown unit "{given_unit}"; it must be {_wanted(unit)}', given
+            key, f'has the unknown unit "{given_unit}"; it must be {_expected(unit)}', written
         )
     assert target is not None
     needs_angle = _angle(target) and unit.startswith("rad")
@@ -181,15 +186,15 @@ def factor(given_unit: str, unit: str, key: str = "", given: Any = None) -> floa
     if wrong or (needs_angle and not _angle(source)) or (not unit and _angle(source)):
         raise SceneError(
             key,
-            f'has a unit of another dimension, "{given_unit}"; it must be {_wanted(unit)}',
-            given,
+            f'has a unit of another dimension, "{given_unit}"; it must be {_expected(unit)}',
+            written,
         )
     return float(_registry().Quantity(1.0, source).to(target).magnitude)
 
 
-def _advice(given_unit: str, unit: str, given: Any) -> str:
+def _advice(given_unit: str, unit: str, written: Any) -> str:
     """Advice for units that are often meant and have another dimension."""
-    match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+    match = _quantity(written)
     if match is None:
         return ""
     number = float(match[1])
@@ -205,46 +210,50 @@ def _advice(given_unit: str, unit: str, given: Any) -> str:
     if unit == "Pa s":
         return (
             "is a temperature, where a viscosity is needed; write a grade with it, "
-            f'such as "VG 46 at {given.strip()}"'
+            f'such as "VG 46 at {written.strip()}"'
         )
     return ""
 
 
-def _oil(grade: re.Match, key: str, given: str) -> float:
+def _oil_viscosity(grade: re.Match, key: str, written: str) -> float:
     """[Pa s] Viscosity of an oil by its grade and temperature."""
     from ..film import iso_vg_viscosity
 
     standard, number, temperature, unit = grade.groups()
     if standard.upper() == "SAE":
         if number not in SAE_GRADES:
-            known = ", ".join(SAE_GRADES)
-            problem = f"is no grade of SAE J300 for summer; known are {known}; or write a viscosity"
-            raise SceneError(key, problem, given)
+            grades = ", ".join(SAE_GRADES)
+            problem = (
+                f"is no grade of SAE J300 for summer; known are {grades}; or write a viscosity"
+            )
+            raise SceneError(key, problem, written)
         number = SAE_GRADES[number]
     size, zero = _LEVELS.get(unit.lower(), (1.0, 0.0))
     kelvin = float(temperature) * size + zero
     try:
         return float(iso_vg_viscosity(float(number), kelvin))
     except BadInput as error:
-        raise SceneError(key, f"needs a {error.field} {error.bound}", given) from None
+        raise SceneError(key, f"needs a {error.field} {error.bound}", written) from None
 
 
-def as_text(value: Any, unit: str, given: Any = None) -> Any:
+def as_text(value: Any, unit: str, written: Any = None) -> Any:
     """A number in SI as an entry of a machine file, exact to the last bit; a list for an array.
 
     Args:
         value: the number, or an array.
         unit: its SI unit; a pure number stays a number.
-        given: the entry that it replaces, whose unit is kept where that is exact.
+        written: the entry that it replaces, whose unit is kept where that is exact.
     """
     if np.ndim(value):
         olds = (
-            given if isinstance(given, list) and len(given) == len(value) else [None] * len(value)
+            written
+            if isinstance(written, list) and len(written) == len(value)
+            else [None] * len(value)
         )
         return [as_text(item, unit, old) for item, old in zip(value, olds, strict=True)]
     if not unit:
         return float(value)
-    match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+    match = _quantity(written)
     if match and match[2]:
         size, zero = scale(match[2], unit, True)
         for digits in (12, 15, 17):
@@ -254,13 +263,13 @@ def as_text(value: Any, unit: str, given: Any = None) -> Any:
     return f"{float(value)!r} {unit}"
 
 
-def in_celsius(given: Any, key: str) -> Any:
+def in_celsius(written: Any, key: str) -> Any:
     """An entry of a machine file, in degrees Celsius where it is a temperature in kelvins."""
-    if isinstance(given, list):
-        return [in_celsius(one, f"{key}.{at}") for at, one in enumerate(given)]
-    match = _QUANTITY.fullmatch(given) if isinstance(given, str) else None
+    if isinstance(written, list):
+        return [in_celsius(item, f"{key}.{at}") for at, item in enumerate(written)]
+    match = _quantity(written)
     if match is None or match[2] != "K" or not is_temperature(key, "K"):
-        return given
+        return written
     return f"{float(match[1]) - ZERO_CELSIUS:.10g} degC"
 
 
@@ -307,7 +316,7 @@ def _angle(unit: pint.Unit) -> bool:
     return "radian" in str(_registry().get_root_units(unit)[1])
 
 
-def _wanted(unit: str, level: bool = False) -> str:
+def _expected(unit: str, level: bool = False) -> str:
     if level:
         return 'a temperature with its unit, such as "-23.3 degC" or "249.85 K"'
     if not unit:

@@ -11,6 +11,7 @@ velocities or accelerations in the place of displacements. Modes whose peaks tou
 
 import contextlib
 import io
+import itertools
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -42,7 +43,7 @@ _FUNCTION_NAMES = {
 # none of the whole machine.
 _MOTIONS = {8: 0, 11: 1, 12: 2}
 _FORCES = (9, 13)
-_UNSAID = (0, 1)
+_UNSTATED = (0, 1)
 # [Hz] Of abscissae by their label, where that is no blank.
 _HERTZ = {"hz": 1.0, "1/s": 1.0, "cps": 1.0, "khz": 1e3, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60,
           "1/min": 1 / 60, "cpm": 1 / 60}  # fmt: skip
@@ -71,14 +72,14 @@ def read_universal(path, name: str) -> ModalTest:
         SceneError: no pyuff, or a file that it cannot read, that is cut, without modes and responses, of
             several runs, or with responses that do not belong together.
     """
-    sets, others = _data_sets(path)
+    sets, other_types = _data_sets(path)
     modes = [data for data in sets if _is_mode(data)]
     functions = [data for data in sets if data["type"] == _FUNCTIONS]
     if modes:
         return _test_of_modes(modes, name, _beside_modes(sets, len(functions), name))
     if functions:
         return _test_of_responses(functions, name)
-    numbers = sorted({int(data["type"]) for data in sets} | others)
+    numbers = sorted({int(data["type"]) for data in sets} | other_types)
     listed = ", ".join(map(str, numbers)) or "nothing"
     bound = (
         "has no normal modes (data set 55 of analysis type 2, 3 or 7) and no responses (58), but"
@@ -104,15 +105,16 @@ def _data_sets(path) -> tuple[list[DataSet], set[int]]:
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             file = pyuff.UFF(str(path))
-            types = [int(number) for number in file.get_set_types()]
-            wanted = [n for n, number in enumerate(types) if number in (_SHAPES, _FUNCTIONS)]
-            sets = file.read_sets(wanted) if wanted else []
+            types = np.asarray(file.get_set_types(), int)
+            places = np.flatnonzero(np.isin(types, (_SHAPES, _FUNCTIONS))).tolist()
+            sets = file.read_sets(places) if places else []
     except Exception as error:  # pyuff has no class of its own for what it cannot read
         raise SceneError("", f"cannot be read as a universal file ({error})") from None
-    sets = sets if isinstance(sets, list) else [sets]
-    for number, data in zip(wanted, sets, strict=True):
-        _check_whole(data, number + 1)
-    return sets, {number for number in types if number not in (_SHAPES, _FUNCTIONS)}
+    if not isinstance(sets, list):  # pyuff gives a single one as it is
+        sets = [sets]
+    for number, data in zip(places, sets, strict=True):
+        _check_complete(data, number + 1)
+    return sets, set(types.tolist()) - {_SHAPES, _FUNCTIONS}
 
 
 def _beside_modes(sets: Sequence[DataSet], functions: int, name: str) -> list[str]:
@@ -128,7 +130,7 @@ def _beside_modes(sets: Sequence[DataSet], functions: int, name: str) -> list[st
     return notes
 
 
-def _check_whole(data: DataSet, number: int) -> None:
+def _check_complete(data: DataSet, number: int) -> None:
     """Refuse a data set with less, or other, numbers than it announces.
 
     Raises:
@@ -142,10 +144,10 @@ def _check_whole(data: DataSet, number: int) -> None:
             raise SceneError(where, "must have three or six values for each of its nodes")
     else:
         values = [data["x"], data["data"]]
-        wanted = data["num_pts"]
-        if any(np.size(column) != wanted for column in values):
+        count = data["num_pts"]
+        if any(np.size(column) != count for column in values):
             raise SceneError(
-                where, f"must have {wanted} points, as its head says", np.size(values[1])
+                where, f"must have {count} points, as its head says", np.size(values[1])
             )
     if not all(np.isfinite(column).all() for column in values):
         raise SceneError(where, "has numbers that are not finite")
@@ -178,7 +180,7 @@ def _refuse_several_runs(modes: Sequence[DataSet]) -> None:
     number, count = Counter(numbers).most_common(1)[0]
     if count > 1:
         pairs = zip(numbers, modes, strict=True)
-        hertz = [f"{_hertz(mode):.6g}" for own, mode in pairs if own == number]
+        hertz = [f"{_hertz(mode):.6g}" for mode_number, mode in pairs if mode_number == number]
         problem = (
             f"has mode {number} {count} times, at {', '.join(hertz)} Hz: it holds several runs;"
         )
@@ -188,8 +190,9 @@ def _refuse_several_runs(modes: Sequence[DataSet]) -> None:
 def _test_of_modes(modes: Sequence[DataSet], name: str, skipped: Sequence[str] = ()) -> ModalTest:
     _refuse_several_runs(modes)
     modes = sorted(modes, key=_hertz)
-    nodes = sorted({int(node) for mode in modes for node in mode["node_nums"]})
-    pairs = [(node, axis) for node in nodes for axis in _AXES.values()]
+    numbers = np.concatenate([mode["node_nums"] for mode in modes])
+    nodes = np.unique(numbers.astype(int)).tolist()
+    pairs = list(itertools.product(nodes, _AXES.values()))
     places = {pair: n for n, pair in enumerate(pairs)}
     shape = np.full((len(modes), len(pairs)), np.nan, complex)
     for row, mode in enumerate(modes):
@@ -198,9 +201,9 @@ def _test_of_modes(modes: Sequence[DataSet], name: str, skipped: Sequence[str] =
                 shape[row, places[int(node), axis]] = value
     # Files have three values for each node. An axis with zeros alone is one that nobody measured.
     size = np.nan_to_num(np.abs(shape)).max(axis=0)
-    moving = {axis for (_, axis), most in zip(pairs, size.tolist(), strict=True) if most > 0}
-    measured = np.array([axis in moving for _, axis in pairs])
-    pairs = [pair for pair in pairs if pair[1] in moving]
+    moves = (size.reshape(-1, len(_AXES)) > 0).any(axis=0)
+    measured = np.tile(moves, len(nodes))
+    pairs = list(itertools.compress(pairs, measured))
     hertz = np.array([_hertz(mode) for mode in modes])
     return _test(name, hertz, pairs, _real_shapes(shape[:, measured]), skipped)
 
@@ -235,9 +238,11 @@ def _test(name: str, hertz: NDArray, pairs, shape: NDArray, skipped: Sequence[st
 
 def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
     responses = [data for data in functions if data["func_type"] == _RESPONSE]
-    others = Counter(int(data["func_type"]) for data in functions if data["func_type"] != _RESPONSE)
+    other_kinds = Counter(
+        int(data["func_type"]) for data in functions if data["func_type"] != _RESPONSE
+    )
     if not responses:
-        listed = ", ".join(map(str, sorted(others)))
+        listed = ", ".join(map(str, sorted(other_kinds)))
         raise SceneError("", f"has functions of type {listed}, where 4, a response, is read alone")
     places = _roving_places(responses)
     hertz = _common_frequencies(responses)
@@ -249,7 +254,7 @@ def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
     pairs = [(node, _AXES[abs(direction)]) for node, direction in places]
     skipped = [
         f"{name}: {count} {_FUNCTION_NAMES.get(kind, 'functions')} (type {kind}) are not read"
-        for kind, count in sorted(others.items())
+        for kind, count in sorted(other_kinds.items())
     ]
     return _test(name, frequencies, pairs, shapes, skipped)
 
@@ -264,9 +269,8 @@ def _differentiations(responses: Sequence[DataSet]) -> NDArray:
     """
     orders = []
     for data in responses:
-        over, under = (
-            int(data.get(f"{end}_spec_data_type", 0)) for end in ("ordinate", "orddenom")
-        )
+        over = int(data.get("ordinate_spec_data_type", 0))
+        under = int(data.get("orddenom_spec_data_type", 0))
         node = int(data["rsp_node"])
         if over in _FORCES or under in _MOTIONS:
             kinds = f"of data type {over} over {under} at node {node}"
@@ -274,15 +278,15 @@ def _differentiations(responses: Sequence[DataSet]) -> NDArray:
                 f"has a response {kinds}; modes are those of motion (8, 11, 12) over force (13)"
             )
             raise SceneError("", problem)
-        orders.append(None if over in _UNSAID else _MOTIONS.get(over))
-    said = {order for order in orders if order is not None}
-    if len(said) < 2:
+        orders.append(None if over in _UNSTATED else _MOTIONS.get(over))
+    stated = [order for order in orders if order is not None]
+    if len(set(stated)) < 2:
         return np.zeros(len(responses))
-    if None in orders:
+    if len(stated) < len(orders):
         raise SceneError(
             "", "has responses of several kinds of motion, and such that do not say theirs"
         )
-    return np.array([order for order in orders if order is not None], float)
+    return np.array(stated, float)
 
 
 def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
@@ -291,10 +295,8 @@ def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
     Raises:
         SceneError: both rove, a place that is there twice, or a direction other than along an axis.
     """
-    sensors, hammers = (
-        [(int(data[f"{end}_node"]), int(data[f"{end}_dir"])) for data in responses]
-        for end in ("rsp", "ref")
-    )
+    sensors = [(int(data["rsp_node"]), int(data["rsp_dir"])) for data in responses]
+    hammers = [(int(data["ref_node"]), int(data["ref_dir"])) for data in responses]
     # by reciprocity the same
     places = sensors if len(set(hammers)) == 1 else hammers
     if len(set(sensors)) > 1 and len(set(hammers)) > 1:
@@ -341,8 +343,8 @@ def _abscissa_label(data: DataSet) -> str:
     if unit in ("", "none"):
         return "hz"
     if unit not in _HERTZ:
-        known = "Hz, kHz, rad/s or rpm"
-        raise SceneError("", f'has frequencies in "{label}", where {known} are read')
+        readable = "Hz, kHz, rad/s or rpm"
+        raise SceneError("", f'has frequencies in "{label}", where {readable} are read')
     return unit
 
 
@@ -370,49 +372,53 @@ def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDA
     out = []
     shapes = []
     for peak in peaks:
-        first = last = peak
-        while first > 0 and _NEAR * size[peak] < size[first - 1]:
-            first -= 1
-        while last < hertz.size - 1 and _NEAR * size[peak] < size[last + 1]:
-            last += 1
-        if last - first + 1 < _LEAST:
-            first = max(peak - 2, 0)
-            last = min(peak + 2, hertz.size - 1)
-        if last - first + 1 < _LEAST:
-            bound = f"has {last - first + 1} points on the peak at {hertz[peak]:.4g} Hz, where"
+        lower = peak
+        upper = peak  # the last point, not the one behind it
+        while lower > 0 and _NEAR * size[peak] < size[lower - 1]:
+            lower -= 1
+        while upper < hertz.size - 1 and _NEAR * size[peak] < size[upper + 1]:
+            upper += 1
+        if upper - lower + 1 < _LEAST:
+            lower = max(peak - 2, 0)
+            upper = min(peak + 2, hertz.size - 1)
+        if upper - lower + 1 < _LEAST:
+            bound = f"has {upper - lower + 1} points on the peak at {hertz[peak]:.4g} Hz, where"
             raise SceneError("", f"{bound} {_LEAST} are the least")
-        frequency, shape = _one_mode(hertz[first : last + 1], responses[:, first : last + 1])
+        frequency, shape = _fitted_mode(hertz[lower : upper + 1], responses[:, lower : upper + 1])
         out.append(frequency)
         shapes.append(shape)
     return np.array(out), np.stack(shapes)
 
 
-def _one_mode(hertz: NDArray, responses: NDArray) -> tuple[float, NDArray]:
+def _fitted_mode(hertz: NDArray, responses: NDArray) -> tuple[float, NDArray]:
     """Frequency [Hz] and shape (k,) that the responses near a peak share."""
     count = responses.shape[0]
+    # s near i and responses near 1: in hertz and as measured the columns would differ by powers of ten
     scale = hertz.mean()
     s = 1j * hertz / scale
     rows = []
     right = []
-    for k, one in enumerate(responses / np.abs(responses).max()):
+    for k, response in enumerate(responses / np.abs(responses).max()):
         block = np.zeros((hertz.size, 2 + 2 * count), complex)
-        block[:, 0], block[:, 1] = one, s * one
-        block[:, 2 + 2 * k], block[:, 3 + 2 * k] = -1.0, -s
+        block[:, 0] = response
+        block[:, 1] = s * response
+        block[:, 2 + 2 * k] = -1.0
+        block[:, 3 + 2 * k] = -s
         rows.append(block)
-        right.append(-(s**2) * one)
+        right.append(-(s**2) * response)
     matrix = np.concatenate(rows)
-    wanted = np.concatenate(right)
-    # the first two real, the others complex
-    whole = np.concatenate([matrix[:, :2], matrix[:, 2:], 1j * matrix[:, 2:]], axis=1)
-    both = np.concatenate([np.real(whole), np.imag(whole)])
-    found, *_ = np.linalg.lstsq(
-        both, np.concatenate([np.real(wanted), np.imag(wanted)]), rcond=None
+    right_side = np.concatenate(right)
+    # the first two unknowns are real, so that real and imaginary parts are equations of their own
+    unknowns = np.concatenate([matrix[:, :2], matrix[:, 2:], 1j * matrix[:, 2:]], axis=1)
+    real_system = np.concatenate([np.real(unknowns), np.imag(unknowns)])
+    coefficients, *_ = np.linalg.lstsq(
+        real_system, np.concatenate([np.real(right_side), np.imag(right_side)]), rcond=None
     )
-    d0, d1 = found[:2]
+    d0, d1 = coefficients[:2]
     if not d0 > d1**2 / 4:
         raise SceneError("", f"has a peak at {scale:.4g} Hz that is no mode with little damping")
     pole = -d1 / 2 + 1j * np.sqrt(d0 - d1**2 / 4)
-    n = found[2 : 2 + 2 * count] + 1j * found[2 + 2 * count :]
+    n = coefficients[2 : 2 + 2 * count] + 1j * coefficients[2 + 2 * count :]
     residue = n[::2] + n[1::2] * pole
     largest = residue[np.argmax(np.abs(residue))]
     return float(scale * np.sqrt(d0)), np.real(residue / largest)

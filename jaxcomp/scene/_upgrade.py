@@ -32,7 +32,7 @@ MOVED = {
     "friction.main_journal.shaft_mass": "crankshaft.mass",
 }
 # Those whose numbers make others.
-_MADE = {
+_COMBINED = {
     "mechanism": (
         "crank_eccentricity",
         "crank_unbalance_across",
@@ -68,33 +68,35 @@ class _Section:
 
     def take(self, key: str) -> list[_Entry]:
         """The entry of a key, which leaves the section; empty where there is none."""
-        found = [one for one in self.entries if one.key == key]
-        self.entries = [one for one in self.entries if one.key != key]
-        return found
+        matches = [entry for entry in self.entries if entry.key == key]
+        self.entries = [entry for entry in self.entries if entry.key != key]
+        return matches
 
 
 def old_paths(document: Mapping[str, Any]) -> list[str]:
     """Paths of the entries of tables that are of an older spelling."""
-    made = (f"{section}.{key}" for section, keys in _MADE.items() for key in keys)
-    found = []
-    for path in (*MOVED, *made):
+    candidates = list(MOVED)
+    for section, keys in _COMBINED.items():
+        candidates += [f"{section}.{key}" for key in keys]
+    paths = []
+    for path in candidates:
         with suppress(LookupError):
             at(document, path)
-            found.append(path)
-    return found + list(_moving(document, ""))
+            paths.append(path)
+    return paths + list(_orbit_types(document, ""))
 
 
-def _moving(node: Any, path: str) -> Iterator[str]:
+def _orbit_types(node: Any, path: str) -> Iterator[str]:
     """Paths of the types of bearings that are of the older spelling."""
     if isinstance(node, list):
         for entry in node:
-            yield from _moving(entry, path)
+            yield from _orbit_types(entry, path)
     elif isinstance(node, Mapping):
         for key, value in node.items():
-            here = f"{path}.{key}".lstrip(".")
+            inner_path = f"{path}.{key}".lstrip(".")
             if key == "type" and value == "orbit":
-                yield here
-            yield from _moving(value, here)
+                yield inner_path
+            yield from _orbit_types(value, inner_path)
 
 
 def check_spelling(document: Mapping[str, Any], file: str) -> None:
@@ -106,7 +108,8 @@ def check_spelling(document: Mapping[str, Any], file: str) -> None:
     for path in old_paths(document):
         new = upgraded_path(path)
         today = f", today {new}" if new != path else ", today in [crankshaft]"
-        today = ', today "film" with motion = "orbit"' if path.endswith(".type") else today
+        if path.endswith(".type"):
+            today = ', today "film" with motion = "orbit"'
         raise SceneError(
             path,
             f"is of an older spelling{today}; `jaxcomp upgrade {file or 'FILE'}` rewrites a file "
@@ -130,27 +133,27 @@ def upgraded(text: str) -> str:
     text = _ORBIT.sub(r'\1"film", motion = "orbit"', text)
     document = tomllib.loads(text)
     sections = _split(text)
-    by_name = {one.name: one for one in sections if not one.row}
+    by_name = {section.name: section for section in sections if not section.row}
     mechanism = by_name.get("mechanism", _Section())
     friction = by_name.get("friction", _Section())
     shaft = by_name.get("cylinders", _Section(above=["\n"], name="crankshaft"))
     support = by_name.get("friction.main_journal", _Section(above=["\n"]))
-    first = _crankshaft_entries(document, mechanism, friction, shaft, support)
-    shaft.entries = first + shaft.entries
+    moved = _crankshaft_entries(document, mechanism, friction, shaft, support)
+    shaft.entries = moved + shaft.entries
     # a source of the whole section goes along
-    if shaft not in sections and first:
+    if shaft not in sections and moved:
         _take_source(mechanism, shaft)
     _take_source(friction, support)
     _move_bearings(document, by_name, friction, support)
     _place(sections, shaft, support)
-    for one in sections:
-        one.name = upgraded_path(one.name)
-    made = "".join(_joined(one) for one in sections)
-    if old_paths(tomllib.loads(made)):
+    for section in sections:
+        section.name = upgraded_path(section.name)
+    rewritten = "".join(_joined(section) for section in sections)
+    if old_paths(tomllib.loads(rewritten)):
         raise ValueError(
             "an old entry stands in an inline table or under a dotted key; write it out"
         )
-    return made
+    return rewritten
 
 
 def _crankshaft_entries(
@@ -162,22 +165,22 @@ def _crankshaft_entries(
 ) -> list[_Entry]:
     """Entries of the crankshaft that leave the mechanism, the friction and the main journal."""
     for key in ("unbalance", "couple"):
-        shaft.entries += _renamed(shaft.take(key), f"shaft_{key}")
-    first: list[_Entry] = []
+        shaft.entries += _with_key(shaft.take(key), f"shaft_{key}")
+    moved: list[_Entry] = []
     for old, new in MOVED.items():
         section, _, key = old.rpartition(".")
         if section == "mechanism":
-            first += _renamed(mechanism.take(key), new.rpartition(".")[2])
-    mass = _renamed(support.take("shaft_mass"), "mass")
-    if not any(one.key == "mass" for one in first):
-        first += mass
-    return first + _made(document, mechanism) + friction.take("main_journal")
+            moved += _with_key(mechanism.take(key), new.rpartition(".")[2])
+    mass = _with_key(support.take("shaft_mass"), "mass")
+    if not any(entry.key == "mass" for entry in moved):
+        moved += mass
+    return moved + _combined_entries(document, mechanism) + friction.take("main_journal")
 
 
 def _take_source(old: _Section, new: _Section) -> None:
     """Copy the source of a whole section to another one that has none."""
-    source = [one for one in old.entries if one.key == "source"]
-    if source and not any(one.key == "source" for one in new.entries):
+    source = [entry for entry in old.entries if entry.key == "source"]
+    if source and not any(entry.key == "source" for entry in new.entries):
         new.entries.insert(0, _Entry("source", source[0].lines[-1:]))
 
 
@@ -188,13 +191,14 @@ def _move_bearings(
     support: _Section,
 ) -> None:
     """Make upper and lower bearing of a slider-link machine those of the main bearings."""
-    names = [name for name in _MADE["friction"] if name in document.get("friction", {})]
+    names = [name for name in _COMBINED["friction"] if name in document.get("friction", {})]
     if not names:
         return
     rows = [by_name[f"friction.{name}"] for name in names if f"friction.{name}" in by_name]
-    taken = [friction.take(name) for name in names]
+    for name in names:
+        for entry in friction.take(name):
+            support.above += entry.lines[:-1]
     support.entries += _support(document, names, rows)
-    support.above += [line for (one,) in filter(None, taken) for line in one.lines[:-1]]
     for row in rows:
         row.name = "crankshaft.main_journal.bearings"
         row.row = True
@@ -204,13 +208,14 @@ def _place(sections: list[_Section], shaft: _Section, support: _Section) -> None
     """Put the sections of crankshaft and main bearings among the others, where they are new."""
     if shaft not in sections and shaft.entries:
         sections.insert(_after(sections, "mechanism"), shaft)
-    if support not in sections and {one.key for one in support.entries} - {"source"}:
+    if support not in sections and {entry.key for entry in support.entries} - {"source"}:
         support.name = "friction.main_journal"
-        rows = [
-            i for i, one in enumerate(sections) if one.name == "crankshaft.main_journal.bearings"
-        ]
-        place = rows[0] if rows else _after(sections, "crankshaft")
-        sections.insert(place, support)
+        names = [section.name for section in sections]
+        bearings = "crankshaft.main_journal.bearings"
+        if bearings in names:
+            sections.insert(names.index(bearings), support)
+        else:
+            sections.insert(_after(sections, "crankshaft"), support)
 
 
 def upgraded_path(path: str) -> str:
@@ -232,10 +237,10 @@ def _split(text: str) -> list[_Section]:
             sections.append(_Section(waiting, header[1] == "[[", header[2], header[3] or ""))
             waiting = []
         elif key:
-            own = [line]
-            while not _whole("".join(own)):
-                own.append(next(lines))
-            sections[-1].entries.append(_Entry(key[1], waiting + own))
+            entry_lines = [line]
+            while not _is_complete("".join(entry_lines)):
+                entry_lines.append(next(lines))
+            sections[-1].entries.append(_Entry(key[1], waiting + entry_lines))
             waiting = []
         else:
             waiting.append(line)
@@ -243,7 +248,7 @@ def _split(text: str) -> list[_Section]:
     return sections
 
 
-def _whole(text: str) -> bool:
+def _is_complete(text: str) -> bool:
     """Whether an entry ends here, and not within a list or text over several lines."""
     try:
         tomllib.loads(text)
@@ -255,95 +260,99 @@ def _whole(text: str) -> bool:
 def _joined(section: _Section) -> str:
     lines = list(section.above)
     if section.name:
-        ends = ("[[", "]]") if section.row else ("[", "]")
-        note = f"  {section.note}" if section.note else ""
-        lines.append(f"{ends[0]}{section.name}{ends[1]}{note}\n")
-    return "".join(lines + [line for one in section.entries for line in one.lines])
+        title = f"[[{section.name}]]" if section.row else f"[{section.name}]"
+        if section.note:
+            title = f"{title}  {section.note}"
+        lines.append(f"{title}\n")
+    for entry in section.entries:
+        lines += entry.lines
+    return "".join(lines)
 
 
-def _renamed(entries: list[_Entry], key: str) -> list[_Entry]:
-    for one in entries:
-        for number, line in enumerate(one.lines):
-            if _KEY.match(line) and line.lstrip().startswith(one.key):
-                one.lines[number] = line.replace(one.key, key, 1)
+def _with_key(entries: list[_Entry], key: str) -> list[_Entry]:
+    for entry in entries:
+        for number, line in enumerate(entry.lines):
+            if _KEY.match(line) and line.lstrip().startswith(entry.key):
+                entry.lines[number] = line.replace(entry.key, key, 1)
                 break
-        one.key = key
+        entry.key = key
     return entries
 
 
 def _after(sections: list[_Section], name: str) -> int:
     """Behind a section and the sections below it."""
-    places = [i for i, one in enumerate(sections) if f"{one.name}.".startswith(f"{name}.")]
+    places = [i for i, section in enumerate(sections) if f"{section.name}.".startswith(f"{name}.")]
     return max(places, default=0) + 1
 
 
-def _made(document: Mapping[str, Any], mechanism: _Section) -> list[_Entry]:
+def _combined_entries(document: Mapping[str, Any], mechanism: _Section) -> list[_Entry]:
     """Entries of the crankshaft that follow from several numbers of a slider-link or slider-crank."""
-    given = document.get("mechanism", {})
-    ahead, product, tilted = (
-        _number(given, key, unit)
-        for key, unit in (
-            ("crank_unbalance_across", "kg m"),
-            ("crank_product", "kg m^2"),
-            ("crank_product_across", "kg m^2"),
-        )
-    )
+    table = document.get("mechanism", {})
+    ahead = _number(table, "crank_unbalance_across", "kg m")
+    product = _number(table, "crank_product", "kg m^2")
+    product_across = _number(table, "crank_product_across", "kg m^2")
+    eccentricity = _number(table, "crank_eccentricity", "m")
+    mass = _number(table, "crank_mass", "kg")
     notes = []
-    for key in ("crank_eccentricity", "crank_product", *_MADE["mechanism"]):
-        notes += [line for one in mechanism.take(key) for line in one.lines[:-1]]
-    eccentricity, mass = (
-        _number(given, key, unit)
-        for key, unit in (("crank_eccentricity", "m"), ("crank_mass", "kg"))
-    )
+    for key in ("crank_eccentricity", "crank_product", *_COMBINED["mechanism"]):
+        for entry in mechanism.take(key):
+            notes += entry.lines[:-1]
     rows = []
     if eccentricity:
         rows.append(("unbalance", -(mass or 0.0) * eccentricity, "kg m", "crank_eccentricity"))
     if ahead:
         rows.append(("shaft_unbalance", [0.0, ahead], "kg m", "crank_unbalance_across"))
-    if product or tilted:
+    if product or product_across:
         source = "crank_product" if product else "crank_product_across"
-        rows.append(("shaft_couple", [product or 0.0, tilted or 0.0], "kg m^2", source))
-    made = [_entry(key, value, unit, _source(given, old)) for key, value, unit, old in rows]
-    if made:
-        made[0].lines = notes + made[0].lines
-    return made
+        couple = [product or 0.0, product_across or 0.0]
+        rows.append(("shaft_couple", couple, "kg m^2", source))
+    combined = [_entry(key, value, unit, _source(table, old)) for key, value, unit, old in rows]
+    if combined:
+        combined[0].lines = notes + combined[0].lines
+    return combined
 
 
 def _support(document: Mapping[str, Any], names: list[str], rows: list) -> list[_Entry]:
     """The main bearings of a slider-link machine from its upper and lower bearing."""
     friction = document["friction"]
-    given = document.get("mechanism", {})
-    made = [_Entry("type", ['type = "main_bearings"\n'])]
+    mechanism = document.get("mechanism", {})
+    bearing_entries = [_Entry("type", ['type = "main_bearings"\n'])]
     if not rows:
-        laws = [friction[name] for name in names]
-        laws = [law["value"] if isinstance(law, Mapping) else law for law in laws]
-        made.append(_Entry("bearings", [f"bearings = {value_text(laws)}\n"]))
+        laws = [_value(friction[name]) for name in names]
+        bearing_entries.append(_Entry("bearings", [f"bearings = {value_text(laws)}\n"]))
     elif len(rows) < len(names):
         raise ValueError("one of friction.upper_bearing and friction.lower_bearing is a name only")
     else:
-        made.append(_Entry("names", [f"names = {value_text(names)}\n"]))
-    upper, span = (_number(given, key, "m") for key in ("overhang", "bearing_span"))
+        bearing_entries.append(_Entry("names", [f"names = {value_text(names)}\n"]))
+    upper = _number(mechanism, "overhang", "m")
+    span = _number(mechanism, "bearing_span", "m")
     if upper is not None and span is not None:
         places = [upper, upper + span][: len(names)]
-        made.append(_entry("position", places, "m", _source(given, "overhang")))
-    return made
+        bearing_entries.append(_entry("position", places, "m", _source(mechanism, "overhang")))
+    return bearing_entries
 
 
-def _number(given: Mapping[str, Any], key: str, unit: str) -> float | None:
-    if key not in given:
+def _number(table: Mapping[str, Any], key: str, unit: str) -> float | None:
+    if key not in table:
         return None
-    value = given[key]
-    value = value["value"] if isinstance(value, Mapping) else value
-    return float(to_si(value, unit, key))
+    return float(to_si(_value(table[key]), unit, key))
 
 
-def _source(given: Mapping[str, Any], key: str) -> str:
-    value = given.get(key)
+def _value(entry: Any) -> Any:
+    """The value of an entry, which may have a source."""
+    return entry["value"] if isinstance(entry, Mapping) else entry
+
+
+def _source(table: Mapping[str, Any], key: str) -> str:
+    value = table.get(key)
     return value.get("source", "") if isinstance(value, Mapping) else ""
 
 
 def _entry(key: str, value: float | list[float], unit: str, source: str) -> _Entry:
-    texts = [f"{one:.10g} {unit}" for one in (value if isinstance(value, list) else [value])]
-    shown: Any = texts if isinstance(value, list) else texts[0]
-    shown = {"value": shown, "source": source} if source else shown
+    if isinstance(value, list):
+        shown: Any = [f"{number:.10g} {unit}" for number in value]
+    else:
+        shown = f"{value:.10g} {unit}"
+    if source:
+        shown = {"value": shown, "source": source}
     return _Entry(key, [f"{key} = {value_text(shown)}\n"])

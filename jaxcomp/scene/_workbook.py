@@ -49,7 +49,7 @@ def sheet_text(content: bytes, name: str = "") -> str:
         raise
     except Exception as error:  # what openpyxl raises of a damaged file is of many kinds
         raise SceneError("", f"is no workbook that can be read: {error}") from None
-    sheet = _chosen(values, name)
+    sheet = _selected_sheet(values, name)
     rows = _rows(sheet, formulas[sheet.title])
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -57,7 +57,7 @@ def sheet_text(content: bytes, name: str = "") -> str:
     return text.getvalue()
 
 
-def _chosen(workbook: "Workbook", name: str) -> "Worksheet":
+def _selected_sheet(workbook: "Workbook", name: str) -> "Worksheet":
     """The sheet of a name, or the only one with cells."""
     sheets = {sheet.title: sheet for sheet in workbook.worksheets}
     listed = ", ".join(f'"{title}"' for title in sheets)

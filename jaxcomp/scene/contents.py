@@ -22,19 +22,20 @@ _CORRECTIONS = {
 def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
     """Type of each part of a machine, and how many values it has, by default and without a source."""
     rows = describe(scene)
-    found = {}
+    contents = {}
     words = {row.path: row.value for row in rows if row.path.endswith(".type")}
-    for name in (name for name, one in scene.document.items() if isinstance(one, dict | list)):
-        own = [r for r in rows if r.path.startswith(f"{name}.") and r.path not in words]
-        given = [row for row in own if row.given is not None]
-        if own:
-            found[name] = {
+    values = [row for row in rows if row.path not in words]
+    for name, entry in scene.document.items():
+        of_part = [row for row in values if row.path.startswith(f"{name}.")]
+        in_file = [row for row in of_part if row.given is not None]
+        if of_part and isinstance(entry, dict | list):
+            contents[name] = {
                 "type": words.get(f"{name}.type", ""),
-                "values": len(own),
-                "defaults": len(own) - len(given),
-                "without_source": sum(not row.source for row in given),
+                "values": len(of_part),
+                "defaults": len(of_part) - len(in_file),
+                "without_source": sum(not row.source for row in in_file),
             }
-    return found
+    return contents
 
 
 def example_values(scene: Scene) -> int:
@@ -59,10 +60,15 @@ def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
         doc = docs.get(name, "")
         return f"{doc} (factor on all {count})".strip() if count else doc
 
-    found = {}
+    described = {}
     for name in variable_names(machine):
-        one = variable(machine, name)
-        value = float(one.current(machine))
-        bound = str(one.bound)
-        found[name] = {"unit": one.unit, "value": value, "bound": bound, "doc": meaning(name)}
-    return found
+        number = variable(machine, name)
+        value = float(number.current(machine))
+        bound = str(number.bound)
+        described[name] = {
+            "unit": number.unit,
+            "value": value,
+            "bound": bound,
+            "doc": meaning(name),
+        }
+    return described

@@ -21,6 +21,7 @@ from ..study import design_rules
 from ..study.interface import variable_names
 from ..vibration import Suspension
 from ._scene import Scene
+from ._text import cut
 
 
 def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
@@ -33,47 +34,57 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
     rules = ", ".join(name for name in names if name in design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:
-        mechanism: Any = of_cylinder(scene.compressor.mechanism)
-        gas = of_cylinder(scene.compressor.gas)
-        yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
-        yield "Swept volume", 1e6 * float(scene.compressor.swept_volume), "cm3"
-        if scene.compressor.crankshaft.count > 1:
-            yield from _of_cylinders(scene.compressor)
-        bore = getattr(mechanism, "bore", None)
-        if bore is not None:
-            yield "Stroke over bore", float(mechanism.stroke / bore), ""
-        ratio = getattr(mechanism, "conrod_ratio", None)
-        if ratio is not None:
-            yield "Crank radius over rod length", float(ratio), ""
-        if isinstance(gas, PolytropicCycle):
-            yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
-        speed = float(scene.compressor.motor.speed_guess)
-        if isinstance(gas, Cylinder):
-            yield from _of_valves(gas, speed)
-        yield "Speed, about", speed * RPM, "rpm"
-        yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
-        yield "Degrees of freedom of the crank", 1, ""
+        yield from _of_compressor(scene.compressor)
     model = scene.parts.get("rotor")
     if isinstance(model, RotorModel):
-        count = len(node_names(model))
-        slaved = sum(len(body.nodes) for body in model.bodies)
-        yield "Nodes of the rotor model", count, f"{slaved} of them fixed to rigid bodies"
-        conditions = [axis for link in model.links if link.held for axis in link.axes]
-        held = sum(axis in AXES[model.dof] for axis in conditions)
-        less = f", less {held} of pinned and clamped links" if held else ""
-        yield (
-            "Degrees of freedom",
-            (count - slaved) * model.dof - held,
-            f"{model.dof} a free node{less}",
-        )
-        for name, group in zip(subset_names(model), subsets(model), strict=True):
-            nodes = ", ".join(str(node) for node in group)
-            yield f"Subset {name}", nodes if len(nodes) <= 60 else f"{nodes[:57]}...", "nodes"
+        yield from _of_rotor(model)
     block = scene.parts.get("suspension")
     if isinstance(block, Suspension):
         hertz = undamped_modes(block.rotor, 6).frequency / (2 * math.pi)
         text = ", ".join(f"{f:.3g}" for f in hertz)
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"
+
+
+def _of_compressor(compressor: Compressor):
+    """Sizes and ratios of the first cylinder, and speeds of the crank."""
+    mechanism: Any = of_cylinder(compressor.mechanism)
+    gas = of_cylinder(compressor.gas)
+    yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
+    yield "Swept volume", 1e6 * float(compressor.swept_volume), "cm3"
+    if compressor.crankshaft.count > 1:
+        yield from _of_cylinders(compressor)
+    bore = getattr(mechanism, "bore", None)
+    if bore is not None:
+        yield "Stroke over bore", float(mechanism.stroke / bore), ""
+    ratio = getattr(mechanism, "conrod_ratio", None)
+    if ratio is not None:
+        yield "Crank radius over rod length", float(ratio), ""
+    if isinstance(gas, PolytropicCycle):
+        yield "Pressure ratio", float(gas.discharge_pressure / gas.suction_pressure), ""
+    # nothing is solved here: the speed is where a solver would begin
+    speed = float(compressor.motor.speed_guess)
+    if isinstance(gas, Cylinder):
+        yield from _of_valves(gas, speed)
+    yield "Speed, about", speed * RPM, "rpm"
+    yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
+    yield "Degrees of freedom of the crank", 1, ""
+
+
+def _of_rotor(model: RotorModel):
+    """Numbers of nodes and of degrees of freedom, and the nodes of each subset."""
+    count = len(node_names(model))
+    slaved = sum(len(body.nodes) for body in model.bodies)
+    yield "Nodes of the rotor model", count, f"{slaved} of them fixed to rigid bodies"
+    held = 0
+    for link in model.links:
+        if link.held:  # axes that the model does not have hold nothing
+            held += sum(axis in AXES[model.dof] for axis in link.axes)
+    reduction = f", less {held} of pinned and clamped links" if held else ""
+    free = (count - slaved) * model.dof - held
+    yield "Degrees of freedom", free, f"{model.dof} a free node{reduction}"
+    for name, group in zip(subset_names(model), subsets(model), strict=True):
+        nodes = ", ".join(map(str, group))
+        yield f"Subset {name}", cut(nodes, 60), "nodes"
 
 
 def _of_cylinders(compressor: Compressor):
@@ -82,15 +93,13 @@ def _of_cylinders(compressor: Compressor):
     intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
     even = np.ptp(intervals) < 0.01
     shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
-    parts = {"gas": compressor.gas, "friction": compressor.friction}
-    kinds = [
-        f"the kind of {section}.{path}".rstrip(".")
-        for section, whole in parts.items()
-        for path, part in subparts(whole)
-        if isinstance(part, AbstractEach)
-    ]
-    differing = ", ".join([*listed((compressor.mechanism, compressor.gas)), *kinds])
-    yield "Cylinders", crankshaft.count, f"different in {differing}" if differing else ""
+    differing = list(listed((compressor.mechanism, compressor.gas)))
+    for section, tree in (("gas", compressor.gas), ("friction", compressor.friction)):
+        for path, part in subparts(tree):
+            if isinstance(part, AbstractEach):
+                differing.append(f"the kind of {section}.{path}".rstrip("."))
+    note = f"different in {', '.join(differing)}" if differing else ""
+    yield "Cylinders", crankshaft.count, note
     yield "Axes", axes_words(crankshaft.bank_angle), ""
     gas = getattr(compressor.gas, "head_end", compressor.gas)
     suction = np.unique(np.atleast_1d(getattr(gas, "suction_pressure", 0.0)))
@@ -136,16 +145,20 @@ def _of_valves(gas: Cylinder, speed: float):
         yield from _of_glide(gas.fluid, float(suction.p), float(behind.p))
     for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
         if valve.oscillator is not None:
-            own = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))
-            note = f"{own / speed:.3g} times the crank's speed"
-            yield f"Natural frequency of the {name} valve", own / (2 * math.pi), f"Hz, {note}"
+            natural_frequency = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))
+            note = f"{natural_frequency / speed:.3g} times the crank's speed"
+            yield (
+                f"Natural frequency of the {name} valve",
+                natural_frequency / (2 * math.pi),
+                f"Hz, {note}",
+            )
     lines = ("suction", suction, gas.suction.plenums), ("discharge", behind, gas.discharge.plenums)
     for name, state, plenums in lines:
         for number, plenum in enumerate(plenums, 1):
             stiffness = plenum.neck_area / (plenum.volume * plenum.neck_length)
-            own = float(state.speed_of_sound) * math.sqrt(float(stiffness))
-            note = f"Hz, {own / speed:.3g} times the crank's speed"
-            yield f"Resonance of {name} plenum {number}", own / (2 * math.pi), note
+            natural_frequency = float(state.speed_of_sound) * math.sqrt(float(stiffness))
+            note = f"Hz, {natural_frequency / speed:.3g} times the crank's speed"
+            yield f"Resonance of {name} plenum {number}", natural_frequency / (2 * math.pi), note
     if gas.walls is not None:
         total = float(gas.walls.conductance)
         yield "Conductance of the wall", total, "W/K in all; its temperature is an unknown"

@@ -35,14 +35,14 @@ def rating_metadata(scene: Scene, rating: str, reference: str = "dew") -> dict[s
     gas = scene.as_compressor().gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, AbstractRealGas)
-    told = RATINGS[rating]
+    conditions = RATINGS[rating]
     line = gas.discharge
     if rating == "file":
         heads = gas.suction.temperature, gas.suction.superheat
-        told = Rating(*heads, line.liquid_temperature, line.subcooling)
-    if told.liquid is None and told.subcooling is None:
-        told = told._replace(subcooling=0.0)
-    settings = {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(told)}
+        conditions = Rating(*heads, line.liquid_temperature, line.subcooling)
+    if conditions.liquid is None and conditions.subcooling is None:
+        conditions = conditions._replace(subcooling=0.0)
+    settings = {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(conditions)}
     return settings if reference == "dew" else settings | {"reference": reference}
 
 
@@ -68,41 +68,48 @@ def polynomial_text(
     """
     if count > 10 and form != "csv":
         raise BadInput("form", form, "csv for 20 and 30 coefficients")
-    points, given = [], {name: [] for name, _, fitted in QUANTITIES if fitted}
-    for speed, one in maps.items():
-        ok = np.asarray(one.ok)
-        S, D = np.meshgrid(np.asarray(one.evaporating), np.asarray(one.condensing), indexing="ij")
+    points = []
+    quantities: dict[str, list] = {name: [] for name, _, fitted in QUANTITIES if fitted}
+    for speed, rating_map in maps.items():
+        ok = np.asarray(rating_map.ok)
+        axes = (np.asarray(rating_map.evaporating), np.asarray(rating_map.condensing))
+        S, D = np.meshgrid(*axes, indexing="ij")
         points.append(np.stack([S[ok], D[ok], np.full(ok.sum(), speed)]))
-        for name, values in given.items():
-            values.append(np.asarray(one.values[name])[ok])
+        for name, values in quantities.items():
+            values.append(np.asarray(rating_map.values[name])[ok])
     S, D, n = np.concatenate(points, axis=1)
     terms = terms_of(count, S, D, n)
+    # terms of degree 0 to 3 differ by powers of ten, in which a rank would be lost
     size = np.linalg.norm(terms, axis=0)
-    told = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
-    if told < count:
+    rank = np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11)
+    if rank < count:
         bound = f"enough for {count} coefficients, at least four speeds for 20 and three for 30"
-        raise BadInput("points of the map", f"{S.size}, which tell {told}", bound)
-    rows, told = {}, dict(metadata)
+        raise BadInput("points of the map", f"{S.size}, which tell {rank}", bound)
+    rows = {}
+    settings = dict(metadata)
     for key, x in (("evaporating", S), ("condensing", D)):
-        told[key] = f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC"
-    for name, values in given.items():
+        settings[key] = f"{x.min() - ZERO:.6g} to {x.max() - ZERO:.6g} degC"
+    for name, values in quantities.items():
         value = np.concatenate(values)
         rows[name] = np.linalg.lstsq(terms / size, value, rcond=None)[0] / size
         error = polynomial_errors(terms, rows[name], value)
         worst = int(error.argmax())
         at = f"{S[worst] - ZERO:.4g}/{D[worst] - ZERO:.4g} C"
-        told[f"largest error of {name}"] = f"{error[worst]:.2%} at {at}"
+        settings[f"largest error of {name}"] = f"{error[worst]:.2%} at {at}"
     if form == "energyplus":
-        return energyplus_text(told, rows)
+        return energyplus_text(settings, rows)
     if form == "tespy":
         assert machine is not None
-        (speed, found), gas = next(iter(maps.items())), cast(Cylinder, machine.gas)
+        speed, rating_map = next(iter(maps.items()))
+        fluid = cast(AbstractRealGas, cast(Cylinder, machine.gas).fluid)
         swept = float(machine.swept_volume) * machine.crankshaft.count
-        kept = {key: value for key, value in told.items() if "error" not in key}
-        return tespy_text(kept, found, cast(AbstractRealGas, gas.fluid), swept, speed)
+        # TESPy fits efficiencies, which have errors of their own
+        without_errors = {key: text for key, text in settings.items() if "error" not in key}
+        return tespy_text(without_errors, rating_map, fluid, swept, speed)
     table = [
         ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
     ]
     first = 1 if count == 10 else 0
     head = ",".join(["quantity", "unit", *(f"C{k}" for k in range(first, count + first))])
-    return "\n".join([*(f"# {key} = {value}" for key, value in told.items()), head, *table, ""])
+    lines = [f"# {key} = {text}" for key, text in settings.items()]
+    return "\n".join([*lines, head, *table, ""])

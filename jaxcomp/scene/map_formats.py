@@ -14,7 +14,7 @@ over electric power, the volumetric one counts with the density of this gas.
 import json
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -56,29 +56,35 @@ def energyplus_text(metadata: Mapping[str, str], rows: Mapping[str, Any]) -> str
         rows: ten coefficients [W] of "capacity" and "power" by name.
     """
     name = metadata.get("machine", "compressor")
-    span = [x for key in ("evaporating", "condensing") for x in _span(metadata[key])]
+    span = [*_span(metadata["evaporating"]), *_span(metadata["condensing"])]
     out = [f"! {key} = {value}" for key, value in metadata.items()]
+    terms = ("1", "x", "x^2", "y", "y^2", "x y", "x^3", "y^3", "x^2 y", "x y^2")
+    ends = (
+        "Minimum Value of x",
+        "Maximum Value of x",
+        "Minimum Value of y",
+        "Maximum Value of y",
+    )
     for quantity in ("capacity", "power"):
-        values = [rows[quantity][n] for n in _ORDER]
-        terms = ("1", "x", "x^2", "y", "y^2", "x y", "x^3", "y^3", "x^2 y", "x y^2")
+        # as Python floats, which are written with all of their digits
+        values = np.asarray(rows[quantity], float)[list(_ORDER)].tolist()
         out += ["", "Curve:Bicubic,", f"  {name} {quantity}, !- Name"]
-        out += [f"  {float(v)!r}, !- {t}" for v, t in zip(values, terms, strict=True)]
-        ends = (
-            "Minimum Value of x",
-            "Maximum Value of x",
-            "Minimum Value of y",
-            "Maximum Value of y",
-        )
-        signs = (",", ",", ",", ";")
-        out += [f"  {v:.6g}{s} !- {t}" for v, s, t in zip(span, signs, ends, strict=True)]
-    given = {key: metadata.get(key, "").split(" ")[0] for key in _RATED}
+        out += _fields(map(repr, values), terms, ",")
+        out += _fields([f"{end:.6g}" for end in span], ends, ";")
     heads = ("Rated Superheat", "Rated Return Gas Temperature", "Rated Liquid Temperature",
              "Rated Subcooling")  # fmt: skip
+    rated = [metadata.get(key, "").split(" ")[0] for key in _RATED]
     out += ["", "Refrigeration:Compressor,", f"  {name}, !- Name"]
-    out += [f"  {name} {q}, !- {q.capitalize()} Curve" for q in ("power", "capacity")]
-    pairs = zip(heads, given.values(), (",", ",", ",", ";"), strict=True)
-    out += [f"  {value}{sign} !- {head}" for head, value, sign in pairs]
+    out += [f"  {name} power, !- Power Curve", f"  {name} capacity, !- Capacity Curve"]
+    out += _fields(rated, heads, ";")
     return "\n".join([*out, ""])
+
+
+def _fields(values: Iterable[str], names: Sequence[str], end: str) -> list[str]:
+    """Lines of fields with their names as remarks; `end` is the sign behind the last."""
+    signs = [","] * (len(names) - 1) + [end]
+    rows = zip(values, signs, names, strict=True)
+    return [f"  {value}{sign} !- {name}" for value, sign, name in rows]
 
 
 def _span(text: str) -> tuple[float, float]:
@@ -102,9 +108,9 @@ def read_energyplus(
         text = _text_of(path)
         settings = {}
         for key, value in _REMARK.findall(text):
-            known = known_name(key, _SETTINGS)
-            if known is not None:
-                settings[known] = value.strip()
+            setting = known_name(key, _SETTINGS)
+            if setting is not None:
+                settings[setting] = value.strip()
         objects = _objects(text)
         at = _compressor(objects, name)
         compressor = [*objects[at], *[""] * 8]
@@ -141,7 +147,7 @@ def _text_of(path: str | os.PathLike) -> str:
 def _objects(text: str) -> list[list[str]]:
     """Cells of the objects of EnergyPlus, without remarks."""
     bare = re.sub(r"!.*", "", text)
-    return [[cell.strip() for cell in each.split(",")] for each in bare.split(";")]
+    return [list(map(str.strip, text.split(","))) for text in bare.split(";")]
 
 
 def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
@@ -164,7 +170,7 @@ def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
         raise SceneError("", f"has {len(names)} compressors; name one as FILE.idf#NAME: {listed}")
     if name is None:
         return places[0]
-    lowered = [each.lower() for each in names]
+    lowered = list(map(str.lower, names))
     if name.lower() not in lowered:
         raise SceneError(name, f"is no compressor of the file, but {listed}")
     return places[lowered.index(name.lower())]
@@ -190,7 +196,7 @@ def _curve_numbers(cells: Sequence[str]) -> list[float]:
 
 def tespy_text(
     metadata: Mapping[str, str],
-    found: RatingMap,
+    rating_map: RatingMap,
     fluid: AbstractRealGas,
     swept_volume: float,
     speed: float,
@@ -199,37 +205,36 @@ def tespy_text(
 
     Args:
         metadata: machine, fluid, ranges and rating, as in files of polynomials.
-        found: the map.
+        rating_map: the map.
         fluid: of the machine.
         swept_volume: [m^3] of all cylinders.
         speed: [1/s]
     """
-    ok = np.asarray(found.ok)
-    S, D = np.meshgrid(np.asarray(found.evaporating), np.asarray(found.condensing), indexing="ij")
+    ok = np.asarray(rating_map.ok)
+    S, D = np.meshgrid(
+        np.asarray(rating_map.evaporating), np.asarray(rating_map.condensing), indexing="ij"
+    )
     S = S[ok]
     D = D[ok]
-    flow, power = (np.asarray(found.values[key])[ok] for key in ("mass_flow", "power"))
+    flow = np.asarray(rating_map.values["mass_flow"])[ok]
+    power = np.asarray(rating_map.values["power"])[ok]
     density, rise, _ = _states(metadata, fluid, S, D)
     values = {
         "eta_s_poly": flow * rise / power,
         "eta_vol_poly": flow / (density * swept_volume * speed),
     }
     terms = polynomial_terms(S, D)
-    rows = {key: np.linalg.lstsq(terms, value, rcond=None)[0] for key, value in values.items()}
-    errors = {
-        f"largest error of {key}": float(polynomial_errors(terms, rows[key], value).max())
-        for key, value in values.items()
-    }
+    rows = {}
+    errors = {}
+    for key, value in values.items():
+        row, *_ = np.linalg.lstsq(terms, value, rcond=None)
+        rows[key] = row.tolist()
+        errors[f"largest error of {key}"] = float(polynomial_errors(terms, row, value).max())
     state = {"swept_volume": swept_volume, "frequency_poly": speed}
-    for key, own in (("superheat", "T_sh"), ("subcooling", "T_sc")):
+    for key, tespy_key in (("superheat", "T_sh"), ("subcooling", "T_sc")):
         if key in metadata:
-            state[own] = float(metadata[key].split(" ")[0])
-    out = {
-        **metadata,
-        **errors,
-        **{k: v.tolist() for k, v in rows.items()},
-        "reference_state": state,
-    }
+            state[tespy_key] = float(metadata[key].split(" ")[0])
+    out = {**metadata, **errors, **rows, "reference_state": state}
     return json.dumps(out, indent=1) + "\n"
 
 
@@ -243,21 +248,21 @@ def read_tespy(
     """
     with reading(os.fspath(path)):
         try:
-            given = json.loads(_text_of(path))
+            document = json.loads(_text_of(path))
         except json.JSONDecodeError as error:
             raise SceneError("", f"is no JSON: {error}") from None
         except (RecursionError, ValueError):  # numbers of thousands of digits
             raise SceneError("", "is no JSON of TESPy's PolynomialCompressor") from None
-        entries = _tespy_entries(given)
+        entries = _tespy_entries(document)
         state = entries.state
         settings = dict(entries.settings)
         for key, of_state in (("superheat", "T_sh"), ("subcooling", "T_sc")):
             if of_state in state and not {"return_gas", "liquid"} & settings.keys():
                 settings.setdefault(key, f"{state[of_state]!r} K")
         gas = _fluid(settings["fluid"])
-        for one, other in (("return_gas", "superheat"), ("liquid", "subcooling")):
-            if one not in settings and other not in settings:
-                raise SceneError(one, f"or {other} must be given")
+        for level, difference in (("return_gas", "superheat"), ("liquid", "subcooling")):
+            if level not in settings and difference not in settings:
+                raise SceneError(level, f"or {difference} must be given")
 
         def at(S, D) -> dict[str, np.ndarray]:
             density, rise, worth = _states(settings, gas, S, D)
@@ -283,26 +288,31 @@ class _Tespy(NamedTuple):
     state: Mapping[str, float]
 
 
-def _tespy_entries(given: Any) -> _Tespy:
+def _tespy_entries(document: Any) -> _Tespy:
     """Entries of the JSON of a file, each of its type.
 
     Raises:
         SceneError: an entry that is missing, unknown or of another type.
     """
-    if not isinstance(given, dict):
+    if not isinstance(document, dict):
         raise SceneError("", "must be one JSON object, as TESPy's PolynomialCompressor takes it")
     for key in ("fluid", *_POLYNOMIALS, "reference_state"):
-        if key not in given:
+        if key not in document:
             raise SceneError(key, "is missing in a file of TESPy's PolynomialCompressor")
-    isentropic, volumetric = (_coefficients(given[key], key) for key in _POLYNOMIALS)
-    state = _reference_state(given["reference_state"])
-    return _Tespy(_tespy_settings(given), isentropic, volumetric, state)
+    isentropic, volumetric = (_coefficients(document[key], key) for key in _POLYNOMIALS)
+    state = _reference_state(document["reference_state"])
+    return _Tespy(
+        settings=_tespy_settings(document),
+        isentropic=isentropic,
+        volumetric=volumetric,
+        state=state,
+    )
 
 
-def _tespy_settings(given: Mapping[str, Any]) -> dict[str, str]:
+def _tespy_settings(document: Mapping[str, Any]) -> dict[str, str]:
     """Texts among the entries of a file."""
     settings = {}
-    for key, value in given.items():
+    for key, value in document.items():
         if key in (*_POLYNOMIALS, "reference_state") or key.startswith(ERROR_OF):
             continue
         name = known_name(key, _SETTINGS)
@@ -314,35 +324,35 @@ def _tespy_settings(given: Mapping[str, Any]) -> dict[str, str]:
     return settings
 
 
-def _reference_state(given: Any) -> Mapping[str, float]:
+def _reference_state(state: Any) -> Mapping[str, float]:
     """Numbers of the state at which the polynomials hold."""
-    if not isinstance(given, dict):
-        raise SceneError("reference_state", "must be an object", given)
-    for key, value in given.items():
+    if not isinstance(state, dict):
+        raise SceneError("reference_state", "must be an object", state)
+    for key, value in state.items():
         place = f"reference_state.{key}"
         if key not in _STATE:
             raise SceneError(place, f"is an unknown entry{did_you_mean(key, _STATE)}")
         _json_number(value, place)
     for key in ("swept_volume", "frequency_poly"):
-        if not given.get(key, 0) > 0:
-            raise SceneError(f"reference_state.{key}", "must be a number above 0", given.get(key))
-    return given
+        if not state.get(key, 0) > 0:
+            raise SceneError(f"reference_state.{key}", "must be a number above 0", state.get(key))
+    return state
 
 
-def _coefficients(given: Any, key: str) -> np.ndarray:
+def _coefficients(numbers: Any, key: str) -> np.ndarray:
     """Ten numbers of a list."""
-    if not isinstance(given, list) or len(given) != 10:
-        raise SceneError(key, "must be a list of ten numbers", given)
-    return np.array([_json_number(value, f"{key}.{n}") for n, value in enumerate(given)])
+    if not isinstance(numbers, list) or len(numbers) != 10:
+        raise SceneError(key, "must be a list of ten numbers", numbers)
+    return np.array([_json_number(value, f"{key}.{n}") for n, value in enumerate(numbers)])
 
 
-def _json_number(given: Any, key: str) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float):
-        raise SceneError(key, "must be a number", given)
+def _json_number(number: Any, key: str) -> float:
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        raise SceneError(key, "must be a number", number)
     # a whole number may have any number of digits
-    if not abs(given) < _LARGEST_NUMBER:
-        raise SceneError(key, f"must be a number below {_LARGEST_NUMBER:g}", given)
-    return float(given)
+    if not abs(number) < _LARGEST_NUMBER:
+        raise SceneError(key, f"must be a number below {_LARGEST_NUMBER:g}", number)
+    return float(number)
 
 
 def _fluid(name: str) -> AbstractRealGas:
@@ -362,7 +372,8 @@ def _states(metadata: Mapping[str, str], fluid: AbstractRealGas, S, D):
         size, zero = scale(unit, "K", level, key, unit)
         return number * size + zero
 
-    gas = kelvins("return_gas") + 0 * S if "return_gas" in metadata else S + kelvins("superheat")
+    given_gas = "return_gas" in metadata
+    gas = kelvins("return_gas") + 0 * S if given_gas else S + kelvins("superheat")
     if "liquid" in metadata:
         liquid = kelvins("liquid") + 0 * D
     else:

@@ -189,7 +189,8 @@ def _quantities_and_paths(
             continue
         try:
             name = head.name.lower().replace(" ", "_")
-            name = name if _is_quantity(name) else head.name
+            if not _is_quantity(name):
+                name = head.name
             quantities[name] = quantity_named(name).unit
         except BadInput as no_quantity:
             try:
@@ -247,8 +248,9 @@ def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
     support = word_setting(settings, "support").lower() or "free"
     if support not in ("free", "held"):
         raise SceneError("support", 'must be "free" or "held"', support)
-    nodes, axes = _places([place for place in columns.names if place in places])
-    shapes = [columns.values(place, "") for place in columns.names if place in places]
+    ordered = [place for place in columns.names if place in places]
+    nodes, axes = _places(ordered)
+    shapes = [columns.values(place, "") for place in ordered]
     return ModalTest(
         source=name,
         frequency=frequency,
@@ -266,9 +268,9 @@ def _mode_numbers(columns: Columns) -> tuple[int, ...]:
     if "mode" not in columns:
         return tuple(range(1, len(columns) + 1))
     numbers = columns.values("mode", "", may_be_empty=False)
-    whole = (numbers == np.round(numbers)) & (numbers >= 1) & (numbers <= _MOST_MODES)
-    columns.refuse("mode", ~whole, numbers, f"a whole number from 1 to {_MOST_MODES}")
-    modes = tuple(int(number) for number in numbers)
+    valid = (numbers == np.round(numbers)) & (numbers >= 1) & (numbers <= _MOST_MODES)
+    columns.refuse("mode", ~valid, numbers, f"a whole number from 1 to {_MOST_MODES}")
+    modes = tuple(map(int, numbers))
     if len(set(modes)) < len(modes):
         twice = next(mode for mode in modes if modes.count(mode) > 1)
         problem = "is there twice; give each run a file of its own, or the means of all runs"
@@ -278,9 +280,13 @@ def _mode_numbers(columns: Columns) -> tuple[int, ...]:
 
 def _places(places: Sequence[str]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
     """Nodes and axes of texts as "12.ux"."""
-    pairs = [place.rpartition(".")[::2] for place in places]
-    nodes = tuple(int(node) if re.fullmatch("[0-9]{1,9}", node) else node for node, _ in pairs)
-    return nodes, tuple(axis.strip() for _, axis in pairs)
+    nodes: list[Any] = []
+    axes = []
+    for place in places:
+        node, _, axis = place.rpartition(".")
+        nodes.append(int(node) if re.fullmatch("[0-9]{1,9}", node) else node)
+        axes.append(axis.strip())
+    return tuple(nodes), tuple(axes)
 
 
 def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:

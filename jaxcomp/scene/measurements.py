@@ -125,15 +125,15 @@ class _Table:
         run = cell["run"]
         target = cell["target"]
         key = (target, round(_number(cell, "speed", self.scale, number), 6))
-        own = self.readings.setdefault(run, {})
-        if key in own:
+        run_readings = self.readings.setdefault(run, {})
+        if key in run_readings:
             raise SceneError(f"line {number}", f"reads {target} a second time in run {run}")
         amplitude = _number(cell, "amplitude", self.scale, number)
         if amplitude < 0:
             problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
             raise SceneError(f"line {number}.amplitude", problem, amplitude)
         phase = _number(cell, "phase", self.scale, number) if self.with_phase else 0.0
-        own[key] = amplitude * np.exp(1j * phase)
+        run_readings[key] = amplitude * np.exp(1j * phase)
         if run == _INITIAL and cell.get("weight"):
             self.weights[key] = _number(cell, "weight", self.scale, number)
             if self.weights[key] < 0:
@@ -148,7 +148,8 @@ class _Table:
                 f'trial weight; write "{_INITIAL}" for "{run}" if it is that one'
             )
             raise SceneError(f"line {number}.trial", problem)
-        size, angle = (_number(cell, column, self.scale, number) for column in ("trial", "angle"))
+        size = _number(cell, "trial", self.scale, number)
+        angle = _number(cell, "angle", self.scale, number)
         trial = size * np.exp(1j * angle)
         if trial == 0:
             raise SceneError(f"line {number}.trial", "must be different from zero", 0)
@@ -220,15 +221,15 @@ class _Table:
 
     def _system(self) -> Influence:
         keys = list(self.readings[_INITIAL])
-        initial = np.array([self.readings[_INITIAL][key] for key in keys])
-        readings = np.array([[self.readings[run][key] for key in keys] for run in self.trials])
+        initial = self._in_order(_INITIAL, keys)
+        readings = np.array([self._in_order(run, keys) for run in self.trials])
         rows = [InfluenceRow(target, "measured", speed) for target, speed in keys]
         row_weights = np.array([self.weights.get(key, 1.0) for key in keys])
         planes = list(dict.fromkeys(self.plane_of.values()))
         if self.with_phase and "plane" not in self.units:
             trials = np.array(list(self.trials.values()))
-            kept = list(self.kept.values())
-            return trial_influence(initial, readings, trials, rows, planes, row_weights, kept)
+            staying = list(self.kept.values())
+            return trial_influence(initial, readings, trials, rows, planes, row_weights, staying)
         weights = self._weights_on(planes)
         if not self.with_phase:
             return self._without_phase(keys, initial, readings, weights, planes)
@@ -237,6 +238,11 @@ class _Table:
         except BadInput:
             problem = f"must act in each plane in a way of its own; {self._runs_by_plane()}"
             raise SceneError("trial", problem) from None
+
+    def _in_order(self, run: str, keys: Sequence[tuple[str, float]]) -> np.ndarray:
+        """Readings of a run in the order of the initial one, which its lines need not have."""
+        readings = self.readings[run]
+        return np.array([readings[key] for key in keys])
 
     def _without_phase(self, keys, initial, readings, weights, planes) -> Influence:
         """The system of amplitudes alone."""
@@ -289,9 +295,9 @@ def _take_off(readings, targets) -> None:
         raise SceneError("run", f'"{_RUN_OUT}" must read every target once, at one low speed')
     for target in targets - set(by_target):
         raise SceneError("run", f'"{_RUN_OUT}" must read {target}')
-    for own in readings.values():
-        for key in own:
-            own[key] -= by_target.get(key[0], 0.0)
+    for run_readings in readings.values():
+        for key in run_readings:
+            run_readings[key] -= by_target.get(key[0], 0.0)
 
 
 def _has_phases(text: TableText) -> bool:

@@ -119,31 +119,35 @@ def map_readings(
 
 
 def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Readings:
-    known = (*CONDITIONS, *MEASURED)
-    columns = Columns(table, known, (), _EXAMPLES, deviations=True, temperatures=_LEVELS)
+    allowed = (*CONDITIONS, *MEASURED)
+    columns = Columns(table, allowed, (), _EXAMPLES, deviations=True, temperatures=_LEVELS)
     if not len(columns):
         raise SceneError("", "has no points: write a line of numbers below the heads for each")
-    numbers = {what: columns.values(what, si) for what, si in _UNITS.items() if what in columns}
-    values = {what: numbers[what] for what in columns.names if what in MEASURED}
+    numbers = {
+        quantity: columns.values(quantity, si)
+        for quantity, si in _UNITS.items()
+        if quantity in columns
+    }
+    values = {quantity: numbers[quantity] for quantity in columns.names if quantity in MEASURED}
     if not values:
         raise SceneError("", f"measures nothing; known are {', '.join(MEASURED)}")
     deviations = {}
-    for what in MEASURED:
-        if f"sd({what})" in columns and what not in values:
-            raise SceneError(f"sd({what})", f"needs a column {what}")
-        if what in values:
-            deviation = columns.deviations(what, MEASURED[what][0], values[what])
-            deviations |= {} if deviation is None else {what: deviation}
-    conditions = {what: numbers[what] for what in CONDITIONS if what in columns}
+    for quantity in MEASURED:
+        if f"sd({quantity})" in columns and quantity not in values:
+            raise SceneError(f"sd({quantity})", f"needs a column {quantity}")
+        if quantity in values:
+            deviation = columns.deviations(quantity, MEASURED[quantity][0], values[quantity])
+            deviations |= {} if deviation is None else {quantity: deviation}
+    conditions = {quantity: numbers[quantity] for quantity in CONDITIONS if quantity in columns}
     return _readings(name, metadata, conditions, len(columns), values, deviations)
 
 
-def _scale(what: str, unit: str) -> tuple[float, float]:
+def _scale(quantity: str, unit: str) -> tuple[float, float]:
     """Size of a unit in SI, and its zero."""
-    if what == "speed" and unit.lower() in ("hz", "1/s"):
+    if quantity == "speed" and unit.lower() in ("hz", "1/s"):
         return 2 * np.pi, 0.0
-    level = what in _LEVELS or what == "discharge_temperature"
-    return scale(unit, _UNITS[what], level, what, unit)
+    level = quantity in _LEVELS or quantity == "discharge_temperature"
+    return scale(unit, _UNITS[quantity], level, quantity, unit)
 
 
 def _readings(
@@ -155,13 +159,13 @@ def _readings(
     for key in ("evaporating", "condensing"):
         if key not in conditions:
             raise SceneError(key, f'is a missing column; a head is "{key} [degC]"')
-    for one, other in (("return_gas", "superheat"), ("liquid", "subcooling")):
-        if one in conditions and other in conditions:
-            raise SceneError(one, f"contradicts {other}: give one of the two")
-        if one not in conditions and other not in conditions:
-            line = f"# {one} = {_USUAL.get(one, '5 K')}"
-            problem = f'or {other} must be given, in a column or above the table as "{line}"'
-            raise SceneError(one, f"{problem}: capacity and flow mean nothing without")
+    for level, difference in (("return_gas", "superheat"), ("liquid", "subcooling")):
+        if level in conditions and difference in conditions:
+            raise SceneError(level, f"contradicts {difference}: give one of the two")
+        if level not in conditions and difference not in conditions:
+            line = f"# {level} = {_USUAL[level]}"
+            problem = f'or {difference} must be given, in a column or above the table as "{line}"'
+            raise SceneError(level, f"{problem}: capacity and flow mean nothing without")
     for key, column in conditions.items():
         if key != "speed" and np.isnan(column).any():
             raise SceneError(key, "must be given at every point, and has an empty cell")
@@ -175,15 +179,20 @@ def _readings(
     useful = S + conditions["useful_superheat"] if "useful_superheat" in conditions else gas
     speed = conditions.get("speed", np.full(count, np.nan))
     fluid = word_setting(metadata, "fluid")
-    given = (S, D, gas, liquid, useful, speed, values, deviations)
-    made = bends is not None
     reference = word_setting(metadata, "reference").lower() or "dew"
     if reference not in ("dew", "mean"):
         raise SceneError("reference", 'must be "dew" or "mean"', reference)
     return Readings(
-        name,
-        *given,
-        polynomial=made,
+        source=name,
+        evaporating=S,
+        condensing=D,
+        gas=gas,
+        liquid=liquid,
+        useful=useful,
+        speed=speed,
+        measured=values,
+        sd=deviations,
+        polynomial=bends is not None,
         fluid=fluid,
         bends=bends or (),
         by_subcooling=subcooling is not None,
@@ -197,7 +206,7 @@ def _conditions_of(
     metadata: Mapping[str, str], columns: Mapping[str, Any], count: int
 ) -> dict[str, np.ndarray]:
     """[SI] Conditions that the metadata has for all points; a range belongs to a polynomial."""
-    found = {}
+    conditions = {}
     for key in CONDITIONS:
         if key not in metadata:
             continue
@@ -209,8 +218,8 @@ def _conditions_of(
         if key in columns:
             raise SceneError(key, "is given in a column and in the metadata; one must go")
         size, zero = _scale(key, unit)
-        found[key] = np.full(count, number * size + zero)
-    return found
+        conditions[key] = np.full(count, number * size + zero)
+    return conditions
 
 
 def _rated(metadata: Mapping[str, str]) -> dict[str, str]:
@@ -219,10 +228,10 @@ def _rated(metadata: Mapping[str, str]) -> dict[str, str]:
         return {}
     name = word_setting(metadata, "rating").lower()
     name = _ALIASES.get(name, name)
-    known = [one for one in RATINGS if one != "file"]
-    if name not in known:
-        near = did_you_mean(name, known)
-        raise SceneError("rating", f"is unknown{near}; known are {', '.join(known)}", name)
+    ratings = [rating for rating in RATINGS if rating != "file"]
+    if name not in ratings:
+        near = did_you_mean(name, ratings)
+        raise SceneError("rating", f"is unknown{near}; known are {', '.join(ratings)}", name)
     for key in ("return_gas", "superheat", "liquid", "subcooling"):
         if key in metadata:
             raise SceneError(key, f"is given beside rating = {name}, which has it; one must go")
@@ -236,8 +245,10 @@ def metadata_of(rating: Rating) -> dict[str, str]:
         if key in CONDITIONS:
             level = key in _LEVELS
             if value is not None:
-                shown = float(value) - ZERO * level
-                out[key] = f"{shown:.10g} {'degC' if level else 'K'}"
+                if level:
+                    out[key] = f"{float(value) - ZERO:.10g} degC"
+                else:
+                    out[key] = f"{float(value):.10g} K"
     return out
 
 
@@ -250,20 +261,22 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
         raise SceneError("quantity", f"{problem} that was measured")
     rows = {}
     for number, line in table.rows:
-        given = line[0].strip()
+        word = line[0].strip()
         unit = line[1].strip()
-        what = known_name(given, MEASURED)
-        if what is None:
-            near = did_you_mean(given, MEASURED)
-            raise SceneError(f"line {number}.quantity", f'"{given}" is unknown{near}')
-        if what in rows:
-            raise SceneError(f"line {number}.quantity", f"{what} is there twice")
+        quantity = known_name(word, MEASURED)
+        if quantity is None:
+            near = did_you_mean(word, MEASURED)
+            raise SceneError(f"line {number}.quantity", f'"{word}" is unknown{near}')
+        if quantity in rows:
+            raise SceneError(f"line {number}.quantity", f"{quantity} is there twice")
         if not unit:
-            raise SceneError(f"line {number}.unit", f"must be a unit, such as {_EXAMPLES[what]}")
-        row = np.array([cell_number(text, f"line {number}.{what}") for text in line[2:]])
-        size, zero = _scale(what, unit)
-        rows[what] = row * size
-        rows[what][0] += zero  # the constant comes first in all forms
+            raise SceneError(
+                f"line {number}.unit", f"must be a unit, such as {_EXAMPLES[quantity]}"
+            )
+        row = np.array([cell_number(text, f"line {number}.{quantity}") for text in line[2:]])
+        size, zero = _scale(quantity, unit)
+        rows[quantity] = row * size
+        rows[quantity][0] += zero  # the constant comes first in all forms
     return sampled(name, metadata, rows, evaporating, condensing, speed)
 
 
@@ -296,18 +309,18 @@ def sampled(
     def at(S, D) -> Mapping[str, Any]:
         if callable(rows):
             return rows(S, D)
-        return {what: terms_of(count, S, D, turns) @ row for what, row in rows.items()}
+        return {quantity: terms_of(count, S, D, turns) @ row for quantity, row in rows.items()}
 
     step = 0.1  # K
     values = dict(at(S, D))
     warmer = at(S + step, D)
     hotter = at(S, D + step)
     bends = []
-    for what, value in values.items():
+    for quantity, value in values.items():
         if not (value > 0).all():
-            raise SceneError(what, "is not positive over the points; take fewer", value.min())
-        if what in ("capacity", "mass_flow"):
-            bends += _bends(what, value, warmer[what], hotter[what], S, D)
+            raise SceneError(quantity, "is not positive over the points; take fewer", value.min())
+        if quantity in ("capacity", "mass_flow"):
+            bends += _bends(quantity, value, warmer[quantity], hotter[quantity], S, D)
     conditions = {"evaporating": S, "condensing": D}
     if speed is not None:
         conditions["speed"] = np.full(S.size, speed)
@@ -318,10 +331,10 @@ def _grid(metadata: Mapping[str, str], evaporating, condensing) -> tuple[np.ndar
     """[K] Evaporating and condensing temperatures, of which pairs too close together are left out."""
     axes = []
     sides = (("evaporating", evaporating, _GRID[0]), ("condensing", condensing, _GRID[1]))
-    for key, given, points in sides:
-        if given is None:
-            given = np.linspace(*_ends(metadata, key), points)
-        axes.append(np.asarray(given, float))
+    for key, temperatures, points in sides:
+        if temperatures is None:
+            temperatures = np.linspace(*_ends(metadata, key), points)
+        axes.append(np.asarray(temperatures, float))
     S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
     apart = D - S > _CLOSEST
     if not apart.any():
@@ -347,7 +360,7 @@ def _ends(metadata: Mapping[str, str], key: str) -> tuple[float, float]:
     return low, high
 
 
-def _bends(what: str, value, warmer, hotter, S, D) -> Iterator[str]:
+def _bends(quantity: str, value, warmer, hotter, S, D) -> Iterator[str]:
     """Where a polynomial of capacity or flow falls or rises against physics, in words."""
     for wrong, text in (
         (warmer - value <= 0, "falls with the evaporating temperature"),
@@ -357,7 +370,7 @@ def _bends(what: str, value, warmer, hotter, S, D) -> Iterator[str]:
             places = ", ".join(
                 f"{s - ZERO:.4g}/{d - ZERO:.4g} C" for s, d in zip(S[wrong], D[wrong], strict=True)
             )
-            yield f"the polynomial of {what} {text} at {places}: it bends the wrong way"
+            yield f"the polynomial of {quantity} {text} at {places}: it bends the wrong way"
 
 
 def identified_scene(scene: Scene, found: Identification) -> Scene:
@@ -372,10 +385,10 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
     for n, name in enumerate(found.parameters[: found.constants]):
         value = float(found.estimate[n])
         error = float(found.standard_error[n])
-        one = varied(scene.machine, name)
+        parameter = varied(scene.machine, name)
         # a rule or a common factor stands behind several numbers, which say so
         several = (
-            isinstance(one, CommonFactor)
+            isinstance(parameter, CommonFactor)
             or name in design_rules
             or list_length(scene.machine, name) > 0
         )
@@ -384,7 +397,7 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         source = f"{source} {found.units[n]}".strip() + " (standard error)"
         if float(found.prior_share[n]) > 0.9:
             source = f"prior, of which {found.source} says nothing"
-        scene = with_machine(scene, one.apply(scene.machine, found.estimate[n]), source)
+        scene = with_machine(scene, parameter.apply(scene.machine, found.estimate[n]), source)
     # the description of the file that it began with holds no longer
     words = f"Identified from {found.source}, beginning with {scene.name}"
     gas = None if scene.machine.compressor is None else scene.machine.compressor.gas

@@ -68,13 +68,13 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
     """
     text = str(text)
     single = _SIGMA.fullmatch(text)
-    both = _BOTH.fullmatch(text)
-    two = _TWO.fullmatch(text)
-    match = single or both or two
+    symmetric = _BOTH.fullmatch(text)
+    limit_pair = _TWO.fullmatch(text)
+    match = single or symmetric or limit_pair
     if match is None:
         raise SceneError(key, _FORMS, text)
-    *numbers, rest = match.groups()
-    words = _WORDS.fullmatch(rest)
+    *numbers, unit_and_words = match.groups()
+    words = _WORDS.fullmatch(unit_and_words)
     assert words is not None  # it matches any text
     given_unit = words[1].strip()
     distribution = words[2] or "normal"
@@ -86,7 +86,7 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
         values = [float(n.replace(" ", "")) / 100 for n in numbers]
     else:
         values = [float(to_si(f"{n} {given_unit}", unit, key, difference=True)) for n in numbers]
-    if two:
+    if limit_pair:
         limits: Any = (min(values), max(values))  # drawings have either one on top
     else:
         limits = 3 * values[0] if single else values[0]
@@ -127,10 +127,10 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
     for key in tables:
         if key not in ("tolerances", "correlations"):
             raise SceneError(key, "must be `tolerances` or `correlations`")
-    given = tables.get("tolerances")
-    if not isinstance(given, dict) or not given:
+    texts = tables.get("tolerances")
+    if not isinstance(texts, dict) or not texts:
         raise SceneError("tolerances", "must be a table of at least one tolerance")
-    for key, text in given.items():
+    for key, text in texts.items():
         if not isinstance(text, str):
             raise SceneError(
                 f"tolerances.{key}", f'{_FORMS}; a name with dots needs quotes: "{key}"'
@@ -145,7 +145,7 @@ def _file(tables: Mapping[str, Any]) -> ToleranceFile:
         if not isinstance(between, list) or len(between) != 2:
             raise SceneError(f"{key}.between", "must be two names", between)
         pairs[(str(between[0]), str(between[1]))] = float(to_si(value, "", f"{key}.value"))
-    return ToleranceFile(dict(given), pairs)
+    return ToleranceFile(dict(texts), pairs)
 
 
 def identified_tolerances(found: Identification) -> str:
@@ -158,14 +158,14 @@ def identified_tolerances(found: Identification) -> str:
         found: the result.
     """
     grown = max(1.0, found.fit.scatter) if found.fit is not None else 1.0
-    kept = [n for n in range(found.constants) if "*" not in found.parameters[n]]
+    indices = [n for n in range(found.constants) if "*" not in found.parameters[n]]
     error = [float(e) * grown for e in found.standard_error.tolist()]
     lines = [f"# identified from {found.source}", "[tolerances]"]
-    for n in kept:
+    for n in indices:
         unit = found.units[n]
         lines.append(f'"{found.parameters[n]}" = "sigma {error[n]:.6g}{unit and f" {unit}"}"')
-    for place, n in enumerate(kept):
-        for m in kept[:place]:
+    for place, n in enumerate(indices):
+        for m in indices[:place]:
             covariance = float(found.covariance[n, m])
             value = covariance * grown**2 / (error[n] * error[m])
             pair = f'between = ["{found.parameters[m]}", "{found.parameters[n]}"]'
