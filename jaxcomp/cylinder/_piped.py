@@ -43,7 +43,7 @@ def piped_rounds(
         state, flags, waves, last, rounds = carry
         ready = rounds < 0
         finer = jnp.maximum(0.1 ** jnp.maximum(rounds, 0), _FINEST)
-        tolerance = options.march_tolerance * finer
+        tolerance = options.first_march_tolerance * finer
         repeat = 100 * tolerance
         wanted = ~(last.solved | ready)
         behind = system.with_waves(waves)

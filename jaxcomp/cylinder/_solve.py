@@ -456,7 +456,7 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
         state, flags, last, rounds = carry
         ready = rounds < 0
         # where a branch was left, a coarser march has missed an event
-        tolerance = options.march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
+        tolerance = options.first_march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
         repeat = 100 * tolerance  # Newton's method closes the rest
         wanted = ~(last.solved | ready)
         end = march(system, options, tolerance, repeat, state, flags, wanted, few)
