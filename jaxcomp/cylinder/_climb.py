@@ -110,12 +110,20 @@ def climbed(
 def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
     """Evidence of how far a solution came that was not found, for the message."""
     each = of_each(cycle)
-    return _evidence(options, each.event_count, each.revolutions, each.residual)
+    return _evidence(options, each.valve_events, each.revolutions, each.residual)
 
 
-def _evidence(options: CycleOptions, events, revolutions, residual) -> str:
+def _most_events(valve_events) -> Int[np.ndarray, "2"]:
+    """Events of both valves of the cylinder, or design of a batch, that has most of them."""
+    each = np.reshape(valve_events, (-1, 2))
+    return each[np.argmax(np.sum(each, axis=1))]
+
+
+def _evidence(options: CycleOptions, valve_events, revolutions, residual) -> str:
+    suction, discharge = _most_events(valve_events)
     return (
-        f"{int(np.max(events))} events of the valves in a revolution on {options.panel_count} panels, "
+        f"{suction + discharge} events of the valves in a revolution, {suction} of suction and "
+        f"{discharge} of discharge, on {options.panel_count} panels, "
         f"{int(np.max(revolutions))} revolutions marched, last change of the cycle "
         f"{float(np.max(residual)):.2g}"
     )
@@ -128,21 +136,21 @@ def _size_with_room(options: CycleOptions, events: int) -> CycleOptions | None:
     return next((size for size, _ in climb), None)
 
 
-def _evidence_in_program(options: CycleOptions, events, revolutions, residual) -> str:
-    told = _evidence(options, events, revolutions, residual)
-    larger = _size_with_room(options, int(np.max(events)))
+def _evidence_in_program(options: CycleOptions, valve_events, revolutions, residual) -> str:
+    message = _evidence(options, valve_events, revolutions, residual)
+    larger = _size_with_room(options, int(np.sum(_most_events(valve_events))))
     if larger is not None:
-        told += (
+        message += (
             "; a compiled program has one size: solve and differentiate outside of `jit`, where the size "
             f"follows from the machine, or give CycleOptions(least_panels={larger.panel_count}, "
             f"capacity={larger.kept_steps}, max_passes={larger.passes_of_revolution})"
         )
-    return f"{told}; `throw=False` leaves it to `status`"
+    return f"{message}; `throw=False` leaves it to `status`"
 
 
 def raise_where_unsolved(cycle: Cycle | SeveralCycles, options: CycleOptions) -> None:
     """Let a traced program end with an error where its cycle was not found."""
     each = of_each(cycle)
-    told = partial(_evidence_in_program, options)
-    numbers = each.event_count, each.revolutions, each.residual
-    raise_at_run_time(each.status, ~is_solved(each), told, *numbers)
+    words = partial(_evidence_in_program, options)
+    numbers = each.valve_events, each.revolutions, each.residual
+    raise_at_run_time(each.status, ~is_solved(each), words, *numbers)

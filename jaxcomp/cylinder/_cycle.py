@@ -97,7 +97,8 @@ class Cycle(Result, eqx.Module):
         raw: panels of the collocation, from which a similar machine may start.
         plenum_pressure: [Pa] (p, n) in the plenums before the suction valve, then behind the discharge
             valve; `None` without any.
-        event_count: of all valves that were solved together, in the last revolution that was marched.
+        valve_events: of all suction valves and of all discharge valves that were solved together, in the
+            last revolution that was marched.
         repeats: whether the march repeated within its tolerance before Newton's method; where it did not,
             the cycle may be unstable, see `multiplier`.
         flange_pressure: [Pa] (p, s + 1, 2) at the flanges, at the points of all panels; `None` without
@@ -128,13 +129,19 @@ class Cycle(Result, eqx.Module):
     solver: str = eqx.field(static=True)
     raw: Any = None
     plenum_pressure: Float[Array, "p n"] | None = None
-    event_count: Int[Array, ""] | None = None
+    valve_events: Int[Array, "2"] | None = None
     repeats: Bool[Array, ""] | None = None
     flange_pressure: Float[Array, "p m 2"] | None = None
     piping_work: Float[Array, "2"] | None = None
     pulsation: Pulsation | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+
+    @property
+    def event_count(self) -> Int[Array, "*batch"]:
+        """Events of all valves in the last revolution that was marched."""
+        assert self.valve_events is not None
+        return jnp.sum(self.valve_events, axis=-1)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""

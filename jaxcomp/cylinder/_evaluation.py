@@ -37,7 +37,7 @@ class CycleSolution(NamedTuple):
     steps: Int[Array, ""]  # of Newton's method
     revolutions: Int[Array, ""]
     passes: Int[Array, ""]
-    events: Int[Array, ""]  # of the last revolution that was marched
+    events: Int[Array, "2"]  # of suction and discharge valves, in the last revolution marched
     repeats: Bool[Array, ""]  # whether that one was as the one before, within the tolerance
     alternates: Bool[Array, ""]  # whether it was as the one before that, and not as the one before
     waves: Waves | None = None  # at the flanges of pipes
@@ -203,7 +203,7 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
         solver="march" if marching else "collocation",
         raw=(mesh, z, pressure),
         plenum_pressure=_plenum_pressures(case, z.points),
-        event_count=found.events,
+        valve_events=found.events,
         repeats=found.repeats,
         flange_pressure=flanges[0] if flanges else None,
         piping_work=_piping_work(case, mesh, weight, angle, flanges[0]) if flanges else None,

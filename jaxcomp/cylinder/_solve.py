@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.each import stacked
 from .._core.errors import BadInput
@@ -17,7 +17,7 @@ from .._core.polynomials import gauss
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import FLAGS, STATES, Accounts
+from ._balance import EVENTS, FLAGS, STATES, Accounts
 from ._climb import climbed, evidence, raise_where_unsolved
 from ._collocation import newton
 from ._cycle import Cycle, values_only
@@ -356,17 +356,19 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
     return system, found, marching
 
 
-def _count_events(record: Record):
-    """Events in the revolution of a record."""
-    return jnp.sum(jnp.isfinite(record.angle) & (record.event >= 0))
+def _count_events(record: Record) -> Int[Array, "2"]:
+    """Events of the suction and of the discharge valves in the revolution of a record."""
+    happens = jnp.isfinite(record.angle) & (record.event >= 0)
+    discharge = record.event % EVENTS >= EVENTS // 2
+    return jnp.stack([jnp.sum(happens & ~discharge), jnp.sum(happens & discharge)])
 
 
 def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
-    """Panels after a march, whether they have room for it among them, and the number of events."""
+    """Panels after a march, whether they have room for it among them, and the events of the valves."""
     mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
     events = _count_events(end.record)
     steps = jnp.where(end.whole, 0, options.kept_steps + 1)
-    return mesh._replace(fits=mesh.fits & options.has_room(events, steps)), z, events
+    return mesh._replace(fits=mesh.fits & options.has_room(jnp.sum(events), steps)), z, events
 
 
 def _march_only(
@@ -436,7 +438,7 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
         steps=cycle.iterations,
         revolutions=cycle.revolutions,
         passes=cycle.passes,
-        events=cycle.event_count,
+        events=cycle.valve_events,
         repeats=cycle.repeats,
         alternates=jnp.asarray(False),
         waves=None if cycle.pulsation is None else cycle.pulsation.waves,
@@ -538,7 +540,7 @@ def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
         steps=none,
         revolutions=none,
         passes=none,
-        events=none,
+        events=jnp.zeros(2, int),
         repeats=jnp.asarray(False),
         alternates=jnp.asarray(False),
     )
