@@ -39,9 +39,9 @@ SIZES = (
 _PANELS_PER_STRETCH = 2.5
 # Gauss nodes on a panel, of which so many panels lie between two events.
 _NODES = 6
-# Tolerance of the first march over that of the smallest size. With sixty events a march to 3e-5 misses one
-# in five times out of six, which costs another round of Newton's method: a design took 88 ms with it, 51 ms
-# with 3e-7, of which the finer march is 3 ms.
+# Tolerance of the first march over that of the smallest size. With sixty events a march to 3e-5 misses
+# one in five times out of six, which costs another round of Newton's method: a design took 88 ms with it,
+# 51 ms with 3e-7, of which the finer march is 3 ms.
 _FINER_MARCH = 0.01
 # [-] Resolution beyond which more panels are taken: such cycles were off by 1e-5 and more.
 COARSE = 3e-3

@@ -151,5 +151,8 @@ def test_a_disturbance_shrinks_by_the_multiplier():
 
 def test_a_failure_names_events_and_panels():
     few = CycleOptions(nodes=4, panels=6, capacity=768, max_passes=4000)
-    with pytest.raises(SolveFailed, match=r"events of the valves in a revolution, \d+ of suction and \d+ of discharge, on 6 panels"):
+    words = (
+        r"events of the valves in a revolution, \d+ of suction and \d+ of discharge, on 6 panels"
+    )
+    with pytest.raises(SolveFailed, match=words):
         solve_cycle(golden("D"), mechanism(), SPEED, few)
