@@ -64,11 +64,11 @@ class Compressor(Part):
         _check_lists(self)
         _check_ports(self)
         _check_pipes(self)
-        wanted = getattr(self.mechanism, "kind", None)
-        if self.friction is not None and getattr(self.friction, "kind", None) != wanted:
+        expected_kind = getattr(self.mechanism, "kind", None)
+        if self.friction is not None and getattr(self.friction, "kind", None) != expected_kind:
             kind = getattr(self.friction, "kind", type(self.friction).__name__)
             raise ValueError(
-                f"`friction` must be of the kind of the mechanism, {wanted}, but is {kind}."
+                f"`friction` must be of the kind of the mechanism, {expected_kind}, but is {kind}."
             )
 
     @property
@@ -98,17 +98,19 @@ _LISTED = ("mechanism", "gas", "friction")
 
 def single_numbers(compressor: Compressor) -> dict[str, str]:
     """SI unit of the numbers that are one for all of several cylinders and may be a list over them."""
-    return {
-        f"{section}.{path}.{name}" if path else f"{section}.{name}": field.metadata["unit"]
-        for section in _LISTED
-        for path, part in subparts(getattr(compressor, section))
-        for name, field in quantities(part)
-        if part.for_each_cylinder
-        and field.metadata["shape"] == ()
-        and ".laws." not in f".{path}"
-        and getattr(part, name) is not None
-        and jnp.ndim(getattr(part, name)) == 0
-    }
+    units = {}
+    for section in _LISTED:
+        for path, part in subparts(getattr(compressor, section)):
+            # a law of a single cylinder has numbers of its own already
+            if not part.for_each_cylinder or ".laws." in f".{path}":
+                continue
+            place = f"{section}.{path}" if path else section
+            for name, field in quantities(part):
+                value = getattr(part, name)
+                single = field.metadata["shape"] == () and value is not None
+                if single and jnp.ndim(value) == 0:
+                    units[f"{place}.{name}"] = field.metadata["unit"]
+    return units
 
 
 def _check_lists(compressor: Compressor) -> None:
@@ -123,8 +125,9 @@ def _check_lists(compressor: Compressor) -> None:
                 raise BadInput(f"{where}.of_cylinder", str(part.of_cylinder), bound)
         for path, value in listed(getattr(compressor, section)).items():
             if value.shape != (count,):
-                several = f"one number, or one for each of {count} cylinders"
-                bound = several if count > 1 else "a single value, as there is one cylinder"
+                bound = "a single value, as there is one cylinder"
+                if count > 1:
+                    bound = f"one number, or one for each of {count} cylinders"
                 raise BadInput(f"{section}.{path}", value, bound)
     support = compressor.crankshaft.main_journal
     for path, value in listed(support).items():
@@ -291,25 +294,30 @@ def of_each_cylinder(
     crankshaft = compressor.crankshaft
     gravity = compressor.gravity
     mechanism = crankshaft.each(compressor.mechanism, angle)
-    own = crankshaft.own_angle(angle)
-    kinematics = mechanism.kinematics(own)
+    own_angle = crankshaft.own_angle(angle)
+    kinematics = mechanism.kinematics(own_angle)
     pressure = None
-    force = jnp.zeros_like(own)
+    force = jnp.zeros_like(own_angle)
     if compressor.gas is not None:
         area = mechanism.piston_area
-        stroke = _stroke(mechanism, own, kinematics, sense)
+        stroke = _stroke(mechanism, own_angle, kinematics, sense)
         gas = crankshaft.each(compressor.gas, angle)
-        pressure, across = gas.on_piston(stroke, area)
-        force = across * area
+        pressure, pressure_difference = gas.on_piston(stroke, area)
+        force = pressure_difference * area
     # Virtual work: the force acts towards the crank, the position counts towards the head.
     torque = -force * kinematics.position_1
     if gravity is not None:
-        here = crankshaft.own_gravity(gravity, angle)
-        torque = torque + mechanism.weight_torque(kinematics, here)
-    inertia, inertia_1 = (
-        jnp.broadcast_to(one, own.shape) for one in mechanism.reduced_inertia(kinematics)
+        own_gravity = crankshaft.own_gravity(gravity, angle)
+        torque = torque + mechanism.weight_torque(kinematics, own_gravity)
+    inertia, inertia_1 = mechanism.reduced_inertia(kinematics)
+    return CylinderInstants(
+        kinematics=kinematics,
+        inertia=jnp.broadcast_to(inertia, own_angle.shape),
+        inertia_1=jnp.broadcast_to(inertia_1, own_angle.shape),
+        pressure=pressure,
+        gas_force=force,
+        conservative=torque,
     )
-    return CylinderInstants(kinematics, inertia, inertia_1, pressure, force, torque)
 
 
 def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> Instants:
@@ -332,13 +340,13 @@ def instants(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> In
     if gravity is not None:
         torque += crankshaft.weight_torque(angle, gravity, compressor.mechanism)
     return Instants(
-        angle,
-        each.kinematics,
-        crankshaft.inertia + jnp.sum(each.inertia, axis=0),
-        jnp.sum(each.inertia_1, axis=0),
-        each.pressure,
-        each.gas_force,
-        torque,
+        angle=angle,
+        kinematics=each.kinematics,
+        inertia=crankshaft.inertia + jnp.sum(each.inertia, axis=0),
+        inertia_1=jnp.sum(each.inertia_1, axis=0),
+        pressure=each.pressure,
+        gas_force=each.gas_force,
+        conservative=torque,
     )
 
 
@@ -363,8 +371,8 @@ def stroke_at(compressor: Compressor, angle: Float[Array, "*n"], sense=1.0) -> S
     """
     crankshaft = compressor.crankshaft
     mechanism = crankshaft.each(compressor.mechanism, angle)
-    own = crankshaft.own_angle(angle)
-    return _stroke(mechanism, own, mechanism.kinematics(own), sense)
+    own_angle = crankshaft.own_angle(angle)
+    return _stroke(mechanism, own_angle, mechanism.kinematics(own_angle), sense)
 
 
 def cylinder_pressure(
@@ -437,8 +445,8 @@ def loop_of(
     crankshaft = compressor.crankshaft
     mechanism = compressor.mechanism
     if kinematics is None:
-        own = crankshaft.own_angle(state.angle)
-        kinematics = crankshaft.each(mechanism, state.angle).kinematics(own)
+        own_angle = crankshaft.own_angle(state.angle)
+        kinematics = crankshaft.each(mechanism, state.angle).kinematics(own_angle)
     return machine_loops(
         mechanism, compressor.friction, crankshaft, state, gas, compressor.gravity, kinematics
     )
@@ -448,8 +456,9 @@ def mechanisms_of(compressor: Compressor) -> list[AbstractMechanism]:
     """The mechanism of every cylinder; cylinders that are alike have one and the same."""
     mechanism = compressor.mechanism
     count = compressor.crankshaft.count
-    each = [of_cylinder(mechanism, i + 1) for i in range(count if listed(mechanism) else 1)]
-    return each * (count // len(each))
+    if not listed(mechanism):
+        return [of_cylinder(mechanism)] * count
+    return [of_cylinder(mechanism, number) for number in range(1, count + 1)]
 
 
 def first_top(compressor: Compressor) -> Float[Array, ""]:
@@ -470,7 +479,7 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
     top, bottom = mechanism.dead_centres()
     phase = compressor.crankshaft.distinct_phase
     angles = [bottom]
-    many = []
+    tabulated = []
     if not compressor.frictionless:
         angles += list(mechanism.reversals())
     if compressor.gas is not None:
@@ -482,21 +491,24 @@ def kink_angles(compressor: Compressor) -> Float[Array, " k"]:
         if isinstance(events, tuple):
             angles += events
         else:
-            many.append(events)
+            tabulated.append(events)
         shares = compressor.gas.event_shares()
         if shares is not None:
             # (k, cylinders) or (k, 1)
             displaced = jnp.atleast_2d(shares).T * (highest - lowest)
-            many += [mechanism.angle_at(highest - displaced, way).T for way in (True, False)]
+            tabulated.append(mechanism.angle_at(highest - displaced, True).T)
+            tabulated.append(mechanism.angle_at(highest - displaced, False).T)
     first = jnp.ravel(top)[0] - phase[0]
-    own = jnp.stack([jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1)
-    for events in many:
-        own = jnp.concatenate(
-            [own, jnp.broadcast_to(events, (phase.size, events.shape[-1]))], axis=1
+    own_angles = jnp.stack(
+        [jnp.broadcast_to(angle, phase.shape) for angle in (*angles, top)], axis=1
+    )
+    for events in tabulated:
+        own_angles = jnp.concatenate(
+            [own_angles, jnp.broadcast_to(events, (phase.size, events.shape[-1]))], axis=1
         )
     # From the angles of each cylinder's own crank to that of the machine.
-    rest = (own - phase[:, None]).ravel()
+    crank_angles = (own_angles - phase[:, None]).ravel()
     # the first cylinder's top dead centre is the first edge
-    rest = jnp.delete(rest, len(angles), assume_unique_indices=True)
-    rest = first + jnp.mod(rest - first, 2 * jnp.pi)
-    return jnp.concatenate([first[None], jnp.sort(rest)])
+    crank_angles = jnp.delete(crank_angles, len(angles), assume_unique_indices=True)
+    crank_angles = first + jnp.mod(crank_angles - first, 2 * jnp.pi)
+    return jnp.concatenate([first[None], jnp.sort(crank_angles)])

@@ -55,10 +55,10 @@ class Machine(eqx.Module):
         Raises:
             BadInput: a machine without one.
         """
-        made = assembled(self).compressor
-        if made is None:
+        compressor = assembled(self).compressor
+        if compressor is None:
             raise BadInput("compressor", "absent", "given: this machine has none")
-        return made
+        return compressor
 
 
 class Assembly(NamedTuple):
@@ -81,12 +81,16 @@ class Assembly(NamedTuple):
     @property
     def unbalances(self) -> tuple["Unbalances", ...]:
         """All of them, the corrections with them."""
-        return (*(self.loads.unbalances if self.loads else ()), *self.corrections)
+        if self.loads is None:
+            return self.corrections
+        return (*self.loads.unbalances, *self.corrections)
 
     @property
     def given_loads(self) -> tuple["Unbalances | PeriodicForce", ...]:
         """Unbalances, corrections and the periodic forces that the scene gives."""
-        return (*self.unbalances, *(self.loads.forces if self.loads else ()))
+        if self.loads is None:
+            return self.unbalances
+        return (*self.unbalances, *self.loads.forces)
 
     def excitation(self, given: str | None = None) -> Literal["crank", "file"]:
         """Source of the forces on the rotor: those of the file, or those of the crank's periodic state.
@@ -142,7 +146,9 @@ def machine_of(scene: Machine | HasMachine) -> Machine:
 
 def correction_planes(places: "BalancingPlanes | None") -> tuple[str, ...]:
     """Names of the correction planes of a section `balancing`, which may be absent."""
-    return tuple(plane.name for plane in places.planes) if places is not None else ()
+    if places is None:
+        return ()
+    return tuple(plane.name for plane in places.planes)
 
 
 def assembled(machine: Machine) -> Assembly:
@@ -156,17 +162,14 @@ def assembled(machine: Machine) -> Assembly:
             at all.
     """
     parts: Any = machine.parts
-    names = _Names(
-        # Bearings first take their oils, then parts take the bearings.
-        {name: _filled(one, _Names({}, machine.oils)) for name, one in machine.bearings.items()},
-        machine.oils,
-    )
-    rotor, case, places = (parts.get(name) for name in ("rotor", "loads", "balancing"))
-    corrections = tuple(
-        correction_unbalance(plane.node, machine.corrections[plane.name])
-        for plane in (places.planes if places else ())
-        if plane.name in machine.corrections
-    )
+    # Bearings first take their oils, then parts take the bearings.
+    oils = _Names({}, machine.oils)
+    bearings = {name: _resolved(journal, oils) for name, journal in machine.bearings.items()}
+    names = _Names(bearings, machine.oils)
+    rotor = parts.get("rotor")
+    case = parts.get("loads")
+    places = parts.get("balancing")
+    corrections = _corrections(places, machine.corrections)
     compressor = machine.compressor
     if compressor is not None and follows_rotor(machine):
         from .rotor import crankshaft_of
@@ -175,13 +178,27 @@ def assembled(machine: Machine) -> Assembly:
         # While bearings still have names, by which `crankshaft_of` finds their places on the rotor.
         shaft = crankshaft_of(rotor, compressor.crankshaft, unbalances, case.crank.pins)
         compressor = rebuilt(compressor, crankshaft=shaft)
+    if compressor is not None:
+        compressor = staged(_resolved(compressor, names))
+    if rotor is not None:
+        rotor = _resolved(rotor, names, "rotor")
     return Assembly(
-        None if compressor is None else staged(_filled(compressor, names)),
-        None if rotor is None else _filled(rotor, names, "rotor"),
-        case,
-        corrections,
-        places,
+        compressor=compressor,
+        rotor=rotor,
+        loads=case,
+        corrections=corrections,
+        balancing=places,
     )
+
+
+def _corrections(
+    places: "BalancingPlanes | None", masses: Mapping[str, Float[Array, "2"]]
+) -> tuple["Unbalances", ...]:
+    """Unbalances of the correction masses that planes of a section `balancing` have."""
+    if places is None:
+        return ()
+    planes = [plane for plane in places.planes if plane.name in masses]
+    return tuple(correction_unbalance(plane.node, masses[plane.name]) for plane in planes)
 
 
 def assembly_of(machine: Machine | HasMachine | Assembly) -> Assembly:
@@ -205,29 +222,29 @@ class _Names(NamedTuple):
     oils: Mapping[str, AbstractOil]
 
 
-def _unnamed(path: str, name: str, what: str, known: Mapping[str, Any]) -> BadInput:
+def _undescribed(path: str, name: str, kind: str, described: Mapping[str, Any]) -> BadInput:
     """The complaint about a name of a bearing or an oil that no section describes."""
-    given = (
-        f"{one_of(name, known)} of [{what}s]" if known else f"the name of a section [{what}s.NAME]"
-    )
-    return BadInput(path, name, f"{given}; [{what}s.{name}] would describe it")
+    expected = f"the name of a section [{kind}s.NAME]"
+    if described:
+        expected = f"{one_of(name, described)} of [{kind}s]"
+    return BadInput(path, name, f"{expected}; [{kind}s.{name}] would describe it")
 
 
-def _filled(node: Any, names: _Names, path: str = "") -> Any:
+def _resolved(node: Any, names: _Names, path: str = "") -> Any:
     """A part with the bearings and viscosities that it names; itself where it names none."""
     if isinstance(node, NamedBearing):
         if node.name not in names.bearings:
-            raise _unnamed(path, node.name, "bearing", names.bearings)
+            raise _undescribed(path, node.name, "bearing", names.bearings)
         return names.bearings[node.name]
     changes = {}
     for name, child in _children(node):
-        new = _filled(child, names, f"{path}.{name}" if path else name)
+        new = _resolved(child, names, f"{path}.{name}" if path else name)
         if new is not child:
             changes[name] = new
     oil = getattr(node, "oil", None) if isinstance(node, Part) else None
     if oil is not None and getattr(node, "dynamic_viscosity", None) is None:
         if oil not in names.oils:
-            raise _unnamed(f"{path}.oil", oil, "oil", names.oils)
+            raise _undescribed(f"{path}.oil", oil, "oil", names.oils)
         changes["dynamic_viscosity"] = names.oils[oil].dynamic_viscosity
     # The same object, by which its holder sees that nothing changed.
     if not changes:
@@ -239,6 +256,8 @@ def _filled(node: Any, names: _Names, path: str = "") -> Any:
 
 def _children(node: Any) -> Iterator[tuple[str, Any]]:
     if isinstance(node, Part):
-        yield from ((f.name, getattr(node, f.name)) for f in dataclasses.fields(node))
+        for field in dataclasses.fields(node):
+            yield field.name, getattr(node, field.name)
     elif isinstance(node, tuple):
-        yield from ((str(i), child) for i, child in enumerate(node))
+        for place, child in enumerate(node):
+            yield str(place), child

@@ -221,7 +221,7 @@ def result_files(
         from ..plot.interface import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()
-    page = report(result, tables, figures, scene, Provenance.now(command_line()))
+    page = report(result, tables, figures, scene, Provenance.of_this_process(command_line()))
     contents["report.html"] = page.encode()
     for name, text in (texts or {}).items():
         contents[name] = text.encode()

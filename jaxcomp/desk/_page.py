@@ -44,7 +44,7 @@ class Page:
         self.dark.param.watch(
             lambda event: self.body.param.update(styles=DARK if event.new else LIGHT), "value"
         )
-        self._asked = 0
+        self._request = 0
         self.open(scene, patience)
 
     def open(self, scene: Scene, patience: float | None = None) -> None:
@@ -63,7 +63,7 @@ class Page:
         desk = self.desk
         scene = self.desk.scene
         self.sliders: dict[str, Slider] = {}
-        self._wanted: tuple[str, float] | None = None
+        self._target: tuple[str, float] | None = None
         self.pictures = Pictures(desk)
         self.message = pn.pane.Alert("", alert_type="warning", visible=False)
         self.state = pn.pane.Markdown("", styles={"font-size": "16px"}, margin=(0, 10), **WIDE)
@@ -81,7 +81,7 @@ class Page:
         self.warnings = pn.pane.Markdown("", **WIDE)
 
         title = f"## {as_it_is(scene.name)}\n{as_it_is(scene.description)}"
-        first, *rest = self._panes()
+        first, *panes = self._panes()
         controls = (
             pn.FlexBox(self.quantity, self.units, self.dark),
             pn.FlexBox(*self.buttons.values(), *self._files()),
@@ -91,7 +91,7 @@ class Page:
                 head=(pn.pane.Markdown(title, **WIDE), self.state, self.message),
                 first=(first,),
                 numbers=(*controls, self.warnings, self.ranges, self.table),
-                rest=(grid(*rest), self.results),
+                rest=(grid(*panes), self.results),
             )
         ]
         for name in with_sliders:
@@ -120,12 +120,12 @@ class Page:
 
     def _panes(self) -> list[Any]:
         """The pictures; the first of them with the mechanism, if it can be drawn, at a crank angle."""
-        first, *rest = [pn.pane.Bokeh(one, **WIDE) for one in self.pictures.figures]
+        first, *panes = [pn.pane.Bokeh(figure, **WIDE) for figure in self.pictures.figures]
         if not self.pictures.outlines:
-            return [grid(first), *rest]
+            return [grid(first), *panes]
         angle = pn.widgets.IntSlider(label="Crank angle [°]", start=-180, end=180, value=60)
         angle.param.watch(lambda event: self.pictures.turn(event.new), "value")
-        return [grid(first, pn.Column(rest.pop(), angle, **WIDE)), *rest]
+        return [grid(first, pn.Column(panes.pop(), angle, **WIDE)), *panes]
 
     # ------------------------------------------------------------ what the user does
 
@@ -141,19 +141,19 @@ class Page:
 
     def drag(self, name: str, value: float) -> None:
         """A slider stands at another value [SI]; if it moves on meanwhile, only the last one counts."""
-        waits = self._wanted is not None
-        self._wanted = (name, value)
+        waits = self._target is not None
+        self._target = (name, value)
         if pn.state.curdoc is None:
             self._drag()
         elif not waits:
             pn.state.curdoc.add_next_tick_callback(self._drag)
 
     def _drag(self) -> None:
-        wanted = self._wanted
-        self._wanted = None
-        if wanted is None or wanted[1] == self.desk.values[wanted[0]]:
+        target = self._target
+        self._target = None
+        if target is None or target[1] == self.desk.values[target[0]]:
             return
-        name, value = wanted
+        name, value = target
         self._tried(lambda: self.desk.move(name, value, dragging=True))
         self._show_row(name)
         if self.desk.values[name] != value and name in self.sliders:
@@ -191,18 +191,18 @@ class Page:
 
     def _ask_gains(self, patience: float | None = None) -> None:
         """Compute the gains aside and wait so long [s] for them; those that come later are shown then."""
-        self._asked += 1
-        number = self._asked
+        self._request += 1
+        number = self._request
         document = pn.state.curdoc
         desk = self.desk
         if patience is None and document is not None:
             patience = _PATIENCE
-        found = []
+        rankings = []
 
         def work():
             with _ONE_AT_A_TIME:
-                if number == self._asked:
-                    found.append(desk.gains().ranking(desk.quantity))
+                if number == self._request:
+                    rankings.append(desk.gains().ranking(desk.quantity))
             if document is not None:
                 _in_time(document, late)
 
@@ -211,10 +211,10 @@ class Page:
                 self._show_late_gains()
 
         def take():
-            ours = number == self._asked and bool(found)
-            if ours:
-                self._influences = {one.number: one for one in found.pop()}
-            return ours
+            is_current = number == self._request and bool(rankings)
+            if is_current:
+                self._influences = {influence.number: influence for influence in rankings.pop()}
+            return is_current
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
@@ -223,8 +223,9 @@ class Page:
 
     def _show_late_gains(self) -> None:
         self._fill_gains()
-        for name in () if self.sliders else self._by_gain()[:_SLIDERS]:
-            self.add_slider(name)
+        if not self.sliders:
+            for name in self._by_gain()[:_SLIDERS]:
+                self.add_slider(name)
         if self.message.object == as_it_is(_WAITING):
             self.say("")
 
@@ -258,25 +259,25 @@ class Page:
         if self._searched is desk:
             return
         self._drag()
-        ranges = {name: one.range for name, one in self.sliders.items()}
+        ranges = {name: slider.range for name, slider in self.sliders.items()}
         self._searched = desk
         self.buttons["Improve"].loading = True
         self.say(
             f"Searching between the ends of the sliders; the first search takes {_WHILE}.", "info"
         )
 
-        def told(stage, done, most):
-            later(lambda: self._search_goes_on(desk, f"Improve: {stage}, {done} of {most}"))
+        def show_progress(stage, count, total):
+            later(lambda: self._search_goes_on(desk, f"Improve: {stage}, {count} of {total}"))
 
         def later(call):
             call() if document is None else _in_time(document, call)
 
         def work():
             try:
-                found = desk.search(ranges, told)
+                outcome = desk.search(ranges, show_progress)
             except (BadInput, SolveFailed) as error:
-                found = error
-            later(lambda: self._search_ended(desk, found))
+                outcome = error
+            later(lambda: self._search_ended(desk, outcome))
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
@@ -287,7 +288,7 @@ class Page:
         if desk is self.desk:
             self.buttons["Improve"].label = label
 
-    def _search_ended(self, desk: Desk, found: Improvement | Exception) -> None:
+    def _search_ended(self, desk: Desk, outcome: Improvement | Exception) -> None:
         """Give the machine what was found for it; nothing if another one was opened meanwhile."""
         if desk is not self.desk:
             return
@@ -296,10 +297,10 @@ class Page:
         button = self.buttons["Improve"]
         button.loading = False
         button.label = "Improve"
-        if isinstance(found, Improvement):
-            self.say(f"{found.quantity}: {desk.take(found)}")
+        if isinstance(outcome, Improvement):
+            self.say(f"{outcome.quantity}: {desk.take(outcome)}")
         else:
-            self.say(str(found))
+            self.say(str(outcome))
         self._show_all()
 
     def _load(self, event) -> None:
@@ -346,9 +347,9 @@ class Page:
         self._show_warnings()
 
     def _show_warnings(self) -> None:
-        found = self.desk.warnings()
-        self.warnings.object = "\n".join(f"- Unusual: {as_it_is(one)}" for one in found)
-        self.warnings.visible = bool(found)
+        warnings = self.desk.warnings()
+        self.warnings.object = "\n".join(f"- Unusual: {as_it_is(warning)}" for warning in warnings)
+        self.warnings.visible = bool(warnings)
 
     def _show(self) -> None:
         """Pictures and results of the present state, in one message to the browser."""
@@ -385,13 +386,17 @@ class Page:
     def _gains(self) -> dict[str, tuple[float, str]]:
         """Gain of every number as a number, which sorts, and in words."""
         none = 0.0, "none" if self._influences else "..."
-        gains = {name: (one.rise, one.change) for name, one in self._influences.items()}
+        gains = {
+            name: (influence.rise, influence.change) for name, influence in self._influences.items()
+        }
         return {name: gains.get(name, none) for name in self.desk.numbers}
 
     def _by_gain(self) -> list[str]:
         """The numbers, that with the largest gain first; empty while gains are computed."""
-        known = self._influences
-        return list(dict.fromkeys([*known, *self.desk.numbers])) if known else []
+        influences = self._influences
+        if not influences:
+            return []
+        return list(dict.fromkeys([*influences, *self.desk.numbers]))
 
     def _numbers_table(self) -> Any:
         desk = self.desk

@@ -107,9 +107,10 @@ class Pictures:
     def show(self, view: View, pinned: View | None) -> None:
         """Draw a state, and the pinned one behind it."""
         self._outline()
-        for behind, one in ((True, pinned), (False, view)):
-            drawn = {} if one is None else _drawn(one, self.desk.system)
-            for title, (_, _, parts) in drawn.items():
+        for behind, state in ((True, pinned), (False, view)):
+            if state is None:
+                continue
+            for title, (_, _, parts) in _drawn(state, self.desk.system).items():
                 for name, columns in parts.items():
                     self.sources[f"{title}.{name}.{behind}"].data = columns
                 if not behind:
@@ -120,8 +121,13 @@ class Pictures:
 
         It follows its curves by itself until then, and keeps the part that was chosen afterwards.
         """
-        columns = [c[key] for c in parts.values() for key in c if key != "y" or "x" in c]
-        sizes = np.array([max(float(np.nanmax(np.abs(one))), 1e-300) for one in columns])
+        sizes = []
+        for columns in parts.values():
+            for key, column in columns.items():
+                if key == "y" and "x" not in columns:
+                    continue  # the names of bars
+                sizes.append(max(float(np.nanmax(np.abs(column))), 1e-300))
+        sizes = np.array(sizes)
         before = self._sizes.setdefault(title, sizes)
         change = np.max(np.abs(np.log(sizes / before)))
         if change > np.log(_OTHER_SIZE):
@@ -147,9 +153,12 @@ def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[
     out = {}
     axes = _AXES_US if system == "US" else _AXES
     if view.pressure is not None:
-        (by_x, x_unit), (by_y, y_unit) = axes["m^3"], axes["Pa"]
-        x, y = (np.append(curve, curve[0]) for curve in (view.volume * by_x, view.pressure * by_y))
-        curves = {"gas": {"x": x, "y": y}}
+        by_x, x_unit = axes["m^3"]
+        by_y, y_unit = axes["Pa"]
+        # the first point once more, which closes the diagram
+        volume = by_x * np.append(view.volume, view.volume[0])
+        pressure = by_y * np.append(view.pressure, view.pressure[0])
+        curves = {"gas": {"x": volume, "y": pressure}}
         out["Indicator diagram"] = f"Displaced volume, {x_unit}", f"Pressure, {y_unit}", curves
     for title, what, angle, values, kind in (
         ("Valve lift", "", view.lift_angle, view.lifts, "lift"),
@@ -161,16 +170,15 @@ def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[
         if values:
             degrees = np.rad2deg((angle + np.pi) % (2 * np.pi) - np.pi)
             order = np.argsort(degrees)
-            curves = {
-                name: {"x": degrees[order], "y": factor * one[order]}
-                for name, one in values.items()
-            }
+            curves = {}
+            for name, curve in values.items():
+                curves[name] = {"x": degrees[order], "y": factor * curve[order]}
             out[title] = "Crank angle, degrees", label, curves
-    losses = {words(name): one for name, one in view.losses.items()}
-    uses = {words(name): one for name, one in view.power_use.items()}
+    losses = dict(zip(map(words, view.losses), view.losses.values(), strict=True))
+    uses = dict(zip(map(words, view.power_use), view.power_use.values(), strict=True))
     vibration = {}
-    for name, (now, after) in view.vibration.items():
-        vibration |= {name: now, f"{name}, balanced": after}
+    for name, (present, after) in view.vibration.items():
+        vibration |= {name: present, f"{name}, balanced": after}
     for title, kind, sizes in (
         ("Power use", "W", uses),
         ("Friction losses", "W", losses),

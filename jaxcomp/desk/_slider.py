@@ -34,7 +34,9 @@ class Slider:
             )
             for word, end in (("from", low), ("to", high))
         ]
-        label = f"{desk.label(name)}{f' [{look.unit}]' if look.unit else ''}"
+        label = desk.label(name)
+        if look.unit:
+            label = f"{label} [{look.unit}]"
         value = self._value
         low = min(value, self.ends[0].value)
         high = max(value, self.ends[1].value)
@@ -69,9 +71,9 @@ class Slider:
         low = self.slider.start
         high = self.slider.end
         if not low <= value <= high:
-            wide = [self._shown(end) for end in self.page.desk.range_of(self.name)]
-            low = min(low, _short(wide[0]), value)
-            high = max(high, _short(wide[1]), value)
+            lowest, highest = self.page.desk.range_of(self.name)
+            low = min(low, _short(self._shown(lowest)), value)
+            high = max(high, _short(self._shown(highest)), value)
         self._set(low, high)
 
     @property

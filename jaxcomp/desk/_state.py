@@ -120,10 +120,10 @@ class Desk:
         )
         if self.quantity not in self.quantities:
             raise BadInput("quantity", self.quantity, f"one of {', '.join(self.quantities)}")
-        whole = available_quantities(self.machine).values()
-        self._single = tuple(one for one in whole if not one.family)
-        self.numbers = {one.name: one for one in given_numbers(self.machine)}
-        self.values = {name: one.value for name, one in self.numbers.items()}
+        available = available_quantities(self.machine).values()
+        self._single = tuple(single for single in available if not single.family)
+        self.numbers = {number.name: number for number in given_numbers(self.machine)}
+        self.values = {name: number.value for name, number in self.numbers.items()}
         self._earlier: list[tuple[Machine, dict[str, float]]] = []
         self._later: list[tuple[Machine, dict[str, float]]] = []
         self._dragged = ""
@@ -132,8 +132,10 @@ class Desk:
 
     def label(self, name: str) -> str:
         """Name of a number, in words."""
-        what = variable_label(self.machine, name)
-        return what + (", factor on all values" if self.numbers[name].factor else "")
+        words = variable_label(self.machine, name)
+        if self.numbers[name].factor:
+            return f"{words}, factor on all values"
+        return words
 
     def text(self, name: str) -> str:
         """A number with the unit that suits it."""
@@ -142,22 +144,24 @@ class Desk:
 
     def look(self, name: str, values) -> Shown:
         """Format of a number or quantity with some values [SI]."""
-        one = self.numbers.get(name) or self.quantities[name]
-        return shown(name, one.unit, values, self.system)
+        item = self.numbers.get(name) or self.quantities[name]
+        return shown(name, item.unit, values, self.system)
 
     def front_view(self, angle: float) -> dict[str, Float[np.ndarray, "2 n"]]:
         """The mechanisms as they stand, [m] lines by part; empty if nobody has drawn them."""
+        if self.machine.compressor is None:
+            return {}
         try:
-            return front_view(self.machine.compressor, angle) if self.machine.compressor else {}
+            return front_view(self.machine.compressor, angle)
         except TypeError:
             return {}
 
     def range_of(self, name: str) -> tuple[float, float]:
         """[SI] Where the slider of a number begins and ends: a fifth to either side, inside its bound."""
         value = self.values[name]
-        one = self.numbers[name]
-        reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(one.unit, 1.0)
-        return max(value - reach, one.bound.low), min(value + reach, one.bound.high)
+        number = self.numbers[name]
+        reach = 0.2 * abs(value) or {"rad": 0.2, "kg m": 1e-4, "m": 1e-3}.get(number.unit, 1.0)
+        return max(value - reach, number.bound.low), min(value + reach, number.bound.high)
 
     def move(self, name: str, value: float, dragging: bool = False) -> None:
         """Give a number another value [SI] and solve.
@@ -170,12 +174,12 @@ class Desk:
         Raises:
             SceneError: the value lies outside its bound.
         """
-        one = self.numbers[name]
-        self._check(one, value, self.look(name, value).text(value))
+        number = self.numbers[name]
+        self._check(number, value, self.look(name, value).text(value))
         if not (dragging and self._dragged == name):
             self._keep()
         self._dragged = name if dragging else ""
-        self.machine = one.moved(self.machine, value)
+        self.machine = number.moved(self.machine, value)
         self.values[name] = value
         self.view = self._solved()
 
@@ -189,16 +193,16 @@ class Desk:
         Raises:
             SceneError: as `jaxcomp.load`.
         """
-        one = self.numbers[name]
+        number = self.numbers[name]
         try:
-            given = float(text)
+            typed = float(text)
         except ValueError:
-            given = text
-        value = float(to_si(given, one.unit, name))
-        self._check(one, value, text)
+            typed = text
+        value = float(to_si(typed, number.unit, name))
+        self._check(number, value, text)
         if value == self.values[name]:
             return
-        with_machine(self.scene, one.moved(self.machine, value), _SOURCE)
+        with_machine(self.scene, number.moved(self.machine, value), _SOURCE)
         self.move(name, value)
 
     def undo(self) -> bool:
@@ -246,10 +250,10 @@ class Desk:
     def warnings(self) -> list[str]:
         """Unusual values of the machine as it stands, as `jaxcomp check` says them."""
         try:
-            found = implausible_values(self.changed_scene())
+            unusual = implausible_values(self.changed_scene())
         except SceneError:  # which the status names
             return []
-        return [f"{one.path}: {one.what}, usual is {one.usual}" for one in found]
+        return [f"{value.path}: {value.what}, usual is {value.usual}" for value in unusual]
 
     def improve(self, ranges: Mapping[str, tuple[float, float]], callback=None) -> str:
         """Make the chosen quantity as good as it can be within ranges, from the present state on.
@@ -289,10 +293,16 @@ class Desk:
         for number, ends in ranges.items():
             scale[number] = began[number] if list_length(machine, number) else 1.0
             scaled[number] = tuple(sorted(end / scale[number] for end in ends))
-        asked = problem(machine, scaled, [name], self.options)
-        best = optimise(asked, starts=2, samples=16, callback=callback)
+        design_problem = problem(machine, scaled, [name], self.options)
+        best = optimise(design_problem, starts=2, samples=16, callback=callback)
         values = {number: float(value) * scale[number] for number, value in best.values.items()}
-        return Improvement(name, began, values, best.objective, best.status)
+        return Improvement(
+            quantity=name,
+            began=began,
+            values=values,
+            objective=best.objective,
+            status=best.status,
+        )
 
     def take(self, found: Improvement) -> str:
         """Give the machine as it stands the numbers that a search found.
@@ -323,9 +333,9 @@ class Desk:
             words += f"; {changed}: as found, no longer as moved since (Undo goes back)"
         return words
 
-    def _check(self, one: GivenNumber, value: float, given: str) -> None:
-        if not (np.isfinite(value) and bool(one.bound.holds(value))):
-            raise SceneError(one.name, f"must be {one.bound} {one.unit}".rstrip(), given)
+    def _check(self, number: GivenNumber, value: float, text: str) -> None:
+        if not (np.isfinite(value) and bool(number.bound.holds(value))):
+            raise SceneError(number.name, f"must be {number.bound} {number.unit}".rstrip(), text)
 
     def _keep(self) -> None:
         self.let_go()
@@ -333,54 +343,62 @@ class Desk:
         self._earlier.append((self.machine, dict(self.values)))
 
     def _solved(self) -> View:
-        found, status, ok = _solve(self.machine, self._single, self.options)
-        found = jax.device_get(found)
+        view, status, ok = _solve(self.machine, self._single, self.options)
+        view = jax.device_get(view)
         if bool(ok):
-            return found
+            return view
         try:
             self.changed_scene()
         except SceneError as error:  # which names the value and its bound
-            return found._replace(status=str(error))
-        return found._replace(status="not solved" if status is None else Status[status])
+            return view._replace(status=str(error))
+        return view._replace(status="not solved" if status is None else Status[status])
 
 
 @eqx.filter_jit
 def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: AnalysisOptions):
     """The view of a machine, without its status in words, and what that is."""
-    found = DesignResult(machine, options)
-    values = offered_values(quantities, found)
-    crank = {} if machine.compressor is None else _of_crank(found)
-    vibration = _of_rotor(found) if "balanced_vibration" in values else {}
-    status = None if machine.compressor is None else found.orbit.status
-    return View(values, "", vibration=vibration, **crank), status, found.ok
+    result = DesignResult(machine, options)
+    values = offered_values(quantities, result)
+    crank = {}
+    status = None
+    if machine.compressor is not None:
+        crank = _of_crank(result)
+        status = result.orbit.status
+    vibration = _of_rotor(result) if "balanced_vibration" in values else {}
+    return View(values, "", vibration=vibration, **crank), status, result.ok
 
 
-def _of_crank(found: DesignResult) -> dict[str, Any]:
-    compressor = found.assembly.compressor
-    orbit = found.orbit
+def _of_crank(result: DesignResult) -> dict[str, Any]:
+    compressor = result.assembly.compressor
+    orbit = result.orbit
     assert compressor is not None
     turn = fine_turn(compressor, orbit)
-    gas = turn.pressure is not None
     cycle = orbit.cycle
-    volume, pressure = first_diagram(compressor, turn) if gas else (None, None)
+    volume = None
+    pressure = None
+    if turn.pressure is not None:
+        volume, pressure = first_diagram(compressor, turn)
+    forces = {}
+    for name, force in turn.loads.forces.items():
+        # a moment is a single row, a force has two components
+        forces[name] = jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
     lift_angle = None
     lifts = {}
     uses = {}
     if cycle is not None:
-        first = (
-            jax.tree.map(lambda x: x[0], cycle.each) if isinstance(cycle, SeveralCycles) else cycle
-        )
+        first: Any = cycle
+        if isinstance(cycle, SeveralCycles):
+            first = jax.tree.map(lambda x: x[0], cycle.each)
         lift_angle = first.angle
         lifts = dict(zip(("suction", "discharge"), first.lift, strict=True))
-        uses = {name: one for name, one in found.performance.power.items() if jnp.ndim(one) == 0}
+        uses = {
+            name: power for name, power in result.performance.power.items() if jnp.ndim(power) == 0
+        }
     return {
         "angle": turn.state.angle,
         "volume": volume,
         "pressure": pressure,
-        "forces": {
-            name: jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
-            for name, force in turn.loads.forces.items()
-        },
+        "forces": forces,
         "losses": orbit.loss_power,
         "lift_angle": lift_angle,
         "lifts": lifts,
@@ -390,13 +408,14 @@ def _of_crank(found: DesignResult) -> dict[str, Any]:
     }
 
 
-def _of_rotor(found: DesignResult) -> dict[str, Float[Array, "2"]]:
+def _of_rotor(result: DesignResult) -> dict[str, Float[Array, "2"]]:
     """[m] Amplitudes of the targets at order 1, as the corrections stand and after the balancing."""
-    influence = found.influence
+    influence = result.influence
     after = influence.vibration(least_squares(influence).correction)
     square = jnp.abs(jnp.stack([influence.initial, after])) ** 2
-    names = [row.target for row in influence.rows]
+    targets = np.array([row.target for row in influence.rows])
+    # several rows of a target are its axes
     return {
-        name: jnp.sqrt(square[:, [one == name for one in names]].mean(-1))
-        for name in dict.fromkeys(names)
+        target: jnp.sqrt(square[:, targets == target].mean(-1))
+        for target in dict.fromkeys(targets.tolist())
     }

@@ -119,7 +119,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         for place, name in enumerate(sketches[0].arrows)
     }
     _limits(above, sketches, reach)
-    told = above.text(
+    caption = above.text(
         0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=style.INK, va="top"
     )
     forces = forces_over(compressor, turn)
@@ -131,15 +131,16 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     mark = below.axvline(0, color=style.INK, linewidth=1.2)
 
     def show(frame: int) -> None:
-        now, angle = sketches[frame % frames], angles[frame % frames]
-        for name, line in now.lines.items():
+        present = sketches[frame % frames]
+        angle = angles[frame % frames]
+        for name, line in present.lines.items():
             drawn[name].set_data(*line)
-        for name, arrow in now.arrows.items():
+        for name, arrow in present.arrows.items():
             _point(tips[name], arrow.place, reach / largest * arrow.force)
             tips[name].set_visible(np.hypot(*arrow.force) >= 0.01 * largest)
         degrees = (np.rad2deg(angle) + 180) % 360 - 180
         speed = np.interp(angle, turn.state.angle, turn.state.speed)
-        told.set_text(
+        caption.set_text(
             f"{round(degrees):d}° from top dead centre, {speed * RPM:.0f} rpm; "
             f"the longest arrow is {look.text(largest, 3)}"
         )
@@ -150,7 +151,10 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
 
 
 def _limits(ax: Axes, sketches: list[Sketch], reach: float) -> None:
-    points = np.concatenate([line for s in sketches for line in s.lines.values()], axis=1)
+    lines: list[np.ndarray] = []
+    for instant in sketches:
+        lines += instant.lines.values()
+    points = np.concatenate(lines, axis=1)
     points = points[:, np.isfinite(points).all(axis=0)]
     low = points.min(axis=1)
     high = points.max(axis=1)
@@ -180,23 +184,23 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     forces = turn.loads.forces
     loads = {name: -np.asarray(forces[name]) for name in names if name in forces}
     largest = max(float(np.hypot(*load).max()) for load in loads.values())
-    figure, (front, side) = style.beside(2, (9.6, 5.2), "Front and side")
+    figure, (front, side) = style.abreast(2, (9.6, 5.2), "Front and side")
     parts: list[Any] = [of_cylinder(compressor.mechanism, k + 1) for k in range(cylinders.count)]
     reach = max(float(m.piston_extremes()[0] + 0.5 * m.bore) for m in parts)
-    lines = [
-        [
-            ax.plot([], [], color=style.tint(k), linewidth=wide, solid_capstyle="round")[0]
-            for ax, wide in ((front, 1.8), (front, 1.8), (front, 0.9), (side, 1.8), (side, 1.8))
-        ]
-        for k in range(cylinders.count)
-    ]
+    # rod, piston and cylinder from the front, rod and piston from the side
+    views = ((front, 1.8), (front, 1.8), (front, 0.9), (side, 1.8), (side, 1.8))
+    lines = []
+    for k in range(cylinders.count):
+        look = {"color": style.tint(k), "solid_capstyle": "round"}
+        lines.append([ax.plot([], [], linewidth=wide, **look)[0] for ax, wide in views])
     style.note(figure, axes_words(cylinders.bank_angle))
-    across = -1.05 * reach, 1.05 * reach
-    front.set(xlim=across, ylim=across, aspect="equal", xlabel="y, m", ylabel="x, m")
+    span = (-1.05 * reach, 1.05 * reach)
+    front.set(xlim=span, ylim=span, aspect="equal", xlabel="y, m", ylabel="x, m")
     ends = np.concatenate([np.asarray(cylinders.position), places])
     margin = 0.15 * max(np.ptp(ends), 2 * float(parts[0].bore))
-    low, high = ends.min() - margin, ends.max() + margin
-    side.set(xlim=(low, high), ylim=across, xlabel="z, m", ylabel="x, m")
+    low = ends.min() - margin
+    high = ends.max() + margin
+    side.set(xlim=(low, high), ylim=span, xlabel="z, m", ylabel="x, m")
     side.plot(
         places, np.zeros_like(places), "^", color=style.INK, markersize=9, label="Main bearings"
     )
@@ -204,14 +208,13 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     (weights,) = side.plot([], [], "s", color=style.GREY, markersize=8, label="Counterweights")
     style.legend(side, loc="lower right")
     tips = [_arrow(front, style.INK, 1.6) for _ in loads]
-    told = front.text(0.0, 1.01, "", transform=front.transAxes, fontsize=8.5, color=style.INK)
+    caption = front.text(0.0, 1.01, "", transform=front.transAxes, fontsize=8.5, color=style.INK)
     radius = float(parts[0].crank_radius)
     unbalances = np.array([float(u) for u in cylinders.unbalances(parts[0])])
     heavy = radius * np.sign(unbalances)[unbalances != 0]
     rows = [throw for throw, u in zip(cylinders.rows, unbalances, strict=True) if u]
-    throws, stands = (
-        np.array([float(getattr(r, key)) for r in rows]) for key in ("angle", "position")
-    )
+    throws = np.array([float(row.angle) for row in rows])
+    stands = np.array([float(row.position) for row in rows])
 
     def show(frame: int) -> None:
         angle = angles[frame % frames]
@@ -221,11 +224,13 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         shaft.set_data([low, *z, high], [0.0, *x, 0.0])
         weights.set_data(stands, heavy * np.cos(angle + throws))
         for tip, load in zip(tips, loads.values(), strict=True):
-            across, along = (np.interp(angle, at, load[axis]) for axis in (1, 0))
-            _point(tip, (0, 0), 0.6 * reach / largest * np.array([across, along]))
+            # x of the machine points upwards in this view
+            sideways = np.interp(angle, at, load[1])
+            upwards = np.interp(angle, at, load[0])
+            _point(tip, (0, 0), 0.6 * reach / largest * np.array([sideways, upwards]))
         speed = RPM * np.interp(angle, at, turn.state.speed)
         shown = round(np.rad2deg(angle)) % 360
-        told.set_text(f"{shown}°, {speed:.1f} rpm; longest arrow {largest / 1e3:.3g} kN")
+        caption.set_text(f"{shown}°, {speed:.1f} rpm; longest arrow {largest / 1e3:.3g} kN")
 
     show(0)
     return Motion(figure, show, frames)
@@ -254,10 +259,11 @@ def _draw(cylinders: Crankshaft, number: int, single: SliderCrank, angle: float,
     """Crank and rod, piston and cylinder from the front; rod and piston from the side."""
     bank = float(cylinders.bank_angle[number])
     phase = float(cylinders.phase[number])
-    own, _ = slider_crank_lines(single, angle + phase)
+    lines, _ = slider_crank_lines(single, angle + phase)
     turn = np.array([[np.cos(bank), -np.sin(bank)], [np.sin(bank), np.cos(bank)]])
-    rod = turn @ own["pins"]
-    for line, path in zip(drawn, (rod, turn @ own["piston"], turn @ own["cylinder"]), strict=False):
+    rod = turn @ lines["pins"]
+    paths = (rod, turn @ lines["piston"], turn @ lines["cylinder"])
+    for line, path in zip(drawn, paths, strict=False):
         line.set_data(path[1], path[0])
     place = float(cylinders.position[number])
     wide = 0.08 * float(single.bore)
@@ -272,10 +278,10 @@ def _crank_line(cylinders: Crankshaft, radius: float, angle: float):
     places = list(np.asarray(cylinders.position))
     room = 0.25 * radius
     for throw in cylinders.rows:
-        own = places[: throw.banks.size]
+        rods = places[: throw.banks.size]
         places = places[throw.banks.size :]
         height = radius * np.cos(angle + float(throw.angle))
-        z += np.repeat([min(own) - room, max(own) + room], 2).tolist()
+        z += np.repeat([min(rods) - room, max(rods) + room], 2).tolist()
         x += [0.0, height, height, 0.0]
     return z, x
 
@@ -294,7 +300,9 @@ def journal_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> Mo
     films = journal_films(compressor, orbit)
     size = (3.6 * len(films) + 0.8, 6.0)
     figure, axes = style.new_figure(2, len(films), size, "Journals in their films", False)
-    time, angle, period = np.asarray(orbit.time), orbit.state.angle, float(orbit.period)
+    time = np.asarray(orbit.time)
+    angle = orbit.state.angle
+    period = float(orbit.period)
     instants = time[0] + period * np.arange(frames) / frames
 
     def at(values):

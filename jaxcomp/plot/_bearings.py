@@ -41,9 +41,9 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     look = shown("load", "N", np.hypot(*np.stack(list(loads.values()), axis=1)))
     figure, axes = style.new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {look.unit}")
     several = compressor.crankshaft.count > 1
-    what = "x and y of the machine for its bearings. " if several else ""
+    axes_note = "x and y of the machine for its bearings. " if several else ""
     dots = "Dots: every 45° of crank angle from top dead centre."
-    style.note(figure, f"{dots} {what}Across: turned with the rotation from the head.")
+    style.note(figure, f"{dots} {axes_note}Across: turned with the rotation from the head.")
     degrees = np.rad2deg(np.asarray(turn.state.angle))
     drawn = zip(style.used(axes, len(loads)), loads.items(), strict=True)
     for place, (ax, (name, load)) in enumerate(drawn):
@@ -129,7 +129,7 @@ def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     angle = orbit.state.angle
     thickness = {name: 1e6 * film.thickness for name, film in films.items()}
     pressure = {name: film.pressure / 1e6 for name, film in films.items()}
-    style.turn_curves(above, angle, thickness, "Smallest film, µm", zero=False, last=False)
+    style.turn_curves(above, angle, thickness, "Smallest film, µm", zero=False, angle_label=False)
     style.turn_curves(below, angle, pressure, "Largest pressure, MPa", zero=False)
     above.set_ylim(0, None)
     style.legend_above(above)
@@ -227,14 +227,14 @@ def stribeck(curve: StribeckCurve) -> Figure:
     title = f"Friction over speed at {float(curve.load) * load.factor:.4g} {load.unit}"
     figure, (above, below) = style.stacked(2, (7.2, 6.2), title)
     rpm = np.asarray(curve.speed) * RPM
-    whole = np.asarray(curve.friction_torque)
-    above.plot(rpm, whole, color=style.tint(0), label="whole")
+    total = np.asarray(curve.friction_torque)
+    above.plot(rpm, total, color=style.tint(0), label="whole")
     contact = curve.bearing.contact
     if contact is not None:
         rubbing = np.asarray(curve.contact_torque)
-        above.plot(rpm, whole - rubbing, "--", color=style.tint(1), label="film")
-        seen = np.where(rubbing > 1e-3 * whole.min(), rubbing, np.nan)
-        above.plot(rpm, seen, ":", color=style.tint(2), label="contact")
+        above.plot(rpm, total - rubbing, "--", color=style.tint(1), label="film")
+        contact_torque = np.where(rubbing > 1e-3 * total.min(), rubbing, np.nan)
+        above.plot(rpm, contact_torque, ":", color=style.tint(2), label="contact")
         least = float(curve.least_friction_speed) * RPM
         if rpm[0] < least < rpm[-1]:
             above.axvline(least, color="#AAAAAA", linewidth=0.8)
@@ -253,18 +253,18 @@ def stribeck(curve: StribeckCurve) -> Figure:
     return figure
 
 
-def film_figures(found: SteadyBearing, model: str = "") -> dict[str, Figure]:
+def film_figures(steady_state: SteadyBearing, model: str = "") -> dict[str, Figure]:
     """All pictures by name; those that the film model does not give are left out.
 
     Args:
-        found: of `jaxcomp.film.steady_bearing`.
+        steady_state: of `jaxcomp.film.steady_bearing`.
         model: name of the film model in the titles; the bearing's own if absent.
     """
     figures = {}
-    if found.field is not None:
-        figures["pressure"] = film_pressure(found, model)
-    if issubclass(found.bearing.model, AbstractSolvedFilm):
-        figures["coefficients"] = film_coefficients(found, model)
+    if steady_state.field is not None:
+        figures["pressure"] = film_pressure(steady_state, model)
+    if issubclass(steady_state.bearing.model, AbstractSolvedFilm):
+        figures["coefficients"] = film_coefficients(steady_state, model)
     return figures
 
 
@@ -288,13 +288,10 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     title = f"Film pressure, {model or bearing.film}, eccentricity ratio {ratio:.4g}"
     figure, (above, below) = style.stacked(2, (7.2, 5.6), title)
     # both halves of the bearing, of which the field has one
-    along, pressure = (
-        np.concatenate([sign * half[:0:-1], half])
-        for half, sign in (
-            (field.zeta * float(bearing.length) / 2 * 1e3, -1),
-            (field.pressure.T / 1e6, 1),
-        )
-    )
+    half = field.zeta * float(bearing.length) / 2 * 1e3
+    along = np.concatenate([-half[:0:-1], half])
+    half = field.pressure.T / 1e6
+    pressure = np.concatenate([half[:0:-1], half])
     if pressure.max() > 0:
         shades = above.contourf(angle, along, pressure, levels=12, cmap="Blues")
         style.colour_bar(above, shades, "Pressure, MPa", (angle, along, pressure))
@@ -322,21 +319,21 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     return figure
 
 
-def film_coefficients(found: SteadyBearing, model: str = "") -> Figure:
+def film_coefficients(steady_state: SteadyBearing, model: str = "") -> Figure:
     """Dimensionless stiffness and damping over the Sommerfeld number, with the running point.
 
     Negative entries are drawn dashed, by magnitude: the axes are logarithmic.
 
     Args:
-        found: of `jaxcomp.film.steady_bearing`, with a film that gives a position.
+        steady_state: of `jaxcomp.film.steady_bearing`, with a film that gives a position.
         model: as in `film_figures`.
     """
-    film = found.bearing.model
-    result = plain(found)
+    film = steady_state.bearing.model
+    result = plain(steady_state)
     # far enough both ways to show the light load, the heavy load and this one
-    here = result["phi_p"] or 1.0
+    running_load = result["phi_p"] or 1.0
     length_ratio = result["length_ratio"]
-    loads = np.geomspace(min(1e-2, here / 3), max(1e2, 3 * here), 161)
+    loads = np.geomspace(min(1e-2, running_load / 3), max(1e2, 3 * running_load), 161)
     eccentricity, *curves = _curves(film, jnp.asarray(length_ratio), jnp.asarray(loads))
     number = 1 / (2 * np.pi * loads)
     running = result["sommerfeld_number"]
@@ -367,8 +364,8 @@ def film_coefficients(found: SteadyBearing, model: str = "") -> Figure:
 def _curves(film, length_ratio, loads):
     model = film(length_ratio)
 
-    def one(number):
+    def at_load(number):
         x = film_ratio(model, number)
         return x / (1 + x), *coefficients_per_load(model, number)
 
-    return jax.vmap(one)(loads)
+    return jax.vmap(at_load)(loads)

@@ -36,15 +36,15 @@ _TORQUE = "Torque in the sense of rotation, N m"
 _ORDERS = 12
 
 
-def steady_state_figures(found: SteadyState) -> dict[str, Figure]:
+def steady_state_figures(steady_state: SteadyState) -> dict[str, Figure]:
     """All pictures of a machine's periodic state by name; those of absent parts are left out."""
-    parts: Any = found.machine.parts
-    figures = orbit_figures(found.compressor, found.orbit, parts.get("suspension"))
-    if found.api_618 is not None and found.api_618.crosshead:
-        figures["rod_loads"] = rod_loads(found.api_618)
+    parts: Any = steady_state.machine.parts
+    figures = orbit_figures(steady_state.compressor, steady_state.orbit, parts.get("suspension"))
+    if steady_state.api_618 is not None and steady_state.api_618.crosshead:
+        figures["rod_loads"] = rod_loads(steady_state.api_618)
     if "torsion" in parts:
         train = parts["torsion"]
-        figures["torsion"] = torsion_over_speed(found.compressor, found.orbit, train)
+        figures["torsion"] = torsion_over_speed(steady_state.compressor, steady_state.orbit, train)
     return figures
 
 
@@ -95,7 +95,7 @@ def rod_loads(sheet: ProcessSheet) -> Figure:
         }
         several = f" of throw {number + 1}" if count > 1 else ""
         label = f"Tension{several}, {look.unit}"
-        style.turn_curves(ax, sheet.crank_angle, curves, label, last=number + 1 == count)
+        style.turn_curves(ax, sheet.crank_angle, curves, label, angle_label=number + 1 == count)
     style.note(figure, "Tension counts positive; friction and weights have no part.")
     style.legend_above(axes[0])
     return figure
@@ -139,16 +139,21 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
     turn = fine_turn(compressor, orbit)
     look = shown("force", "N", np.stack(list(turn.loads.forces.values())))
-    forces = {name: look.factor * np.asarray(one) for name, one in turn.loads.forces.items()}
-    walls = {name: force[1] for name, force in forces.items() if name.split("_")[0] == "wall"}
-    sizes = {name: np.hypot(*force) for name, force in forces.items() if name not in walls}
+    walls = {}
+    sizes = {}
+    for name, force in turn.loads.forces.items():
+        force = look.factor * np.asarray(force)
+        if name.split("_")[0] == "wall":
+            walls[name] = force[1]
+        else:
+            sizes[name] = np.hypot(*force)
     rows, height = (2, 5.6) if walls else (1, 3.6)
     figure, axes = style.stacked(rows, (7.2, height), "Joint forces over one revolution")
     angle = turn.state.angle
     ax = axes[0]
     label = f"Magnitude, {look.unit}"
     wide = {"linewidth": 1.6}
-    style.turn_curves(ax, angle, sizes, label, zero=False, last=not walls, **wide)
+    style.turn_curves(ax, angle, sizes, label, zero=False, angle_label=not walls, **wide)
     ax.set_ylim(0, None)
     style.legend_above(ax)
     if walls:
@@ -178,7 +183,12 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     for place, (ax, (name, (curve, label))) in enumerate(drawn):
         lowest = place >= len(curves) - columns
         style.turn_curves(
-            ax, turn.state.angle, {name: curve}, label, last=lowest, color=style.colour(name, place)
+            ax,
+            turn.state.angle,
+            {name: curve},
+            label,
+            angle_label=lowest,
+            color=style.colour(name, place),
         )
         style.heading(ax, style.words(name))
         ax.tick_params(labelbottom=lowest)
@@ -190,11 +200,11 @@ def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
     figure, (above, below) = style.stacked(2, (7.2, 5.2), "Crank motion over one revolution")
     angle, speed, rise = fine_turn(compressor, orbit).state
-    look = {"linewidth": 1.7, "label": None, "zero": False, "last": False}
+    look = {"linewidth": 1.7, "label": None, "zero": False, "angle_label": False}
     style.turn_curves(above, angle, {"motor": speed * RPM}, "Crank speed, rpm", **look)
-    mean, low, high = (
-        float(one) * RPM for one in (orbit.mean_speed, orbit.lowest_speed, orbit.highest_speed)
-    )
+    mean = float(orbit.mean_speed) * RPM
+    low = float(orbit.lowest_speed) * RPM
+    high = float(orbit.highest_speed) * RPM
     above.axhline(
         mean, color=style.INK, linewidth=0.9, linestyle="--", label=f"Mean {mean:.5g} rpm"
     )
@@ -215,12 +225,12 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     turn = fine_turn(compressor, orbit)
     mechanism = compressor.mechanism
     torques = {"motor": turn.motor_torque, "gas": turn.gas_torque}
-    whole, piston = _inertia_torques(compressor, turn.state)
-    moving = whole - compressor.crankshaft.inertia * turn.state.acceleration
+    inertia_torque, piston = _inertia_torques(compressor, turn.state)
+    moving = inertia_torque - compressor.crankshaft.inertia * turn.state.acceleration
     if isinstance(mechanism, SliderCrank):
         torques |= {"piston": -piston, "rod": -(moving - piston)}
-        many = "" if compressor.crankshaft.count == 1 else "s"
-        looks = {name: {"label": f"Inertia of the {name}{many}"} for name in ("piston", "rod")}
+        plural = "" if compressor.crankshaft.count == 1 else "s"
+        looks = {name: {"label": f"Inertia of the {name}{plural}"} for name in ("piston", "rod")}
     else:
         torques["piston"] = -moving
         looks = {"piston": {"label": "Inertia of the moving parts"}}
@@ -239,8 +249,8 @@ def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     each = enumerate(-at.gas_force * at.kinematics.position_1, 1)
     torques = {"gas": turn.gas_torque} | {f"cylinder_{k}": torque for k, torque in each}
     figure, ax = style.single((7.2, 4.2), "Gas torque of each cylinder")
-    whole = {"gas": {"label": "Sum", "linewidth": 2.0, "zorder": 2.1}}
-    style.turn_curves(ax, turn.state.angle, torques, _TORQUE, looks=whole, linewidth=1.0)
+    looks = {"gas": {"label": "Sum", "linewidth": 2.0, "zorder": 2.1}}
+    style.turn_curves(ax, turn.state.angle, torques, _TORQUE, looks=looks, linewidth=1.0)
     style.legend_above(ax)
     return figure
 
@@ -258,11 +268,11 @@ def loss_shares(orbit: Orbit) -> Figure:
     figure, ax = style.single((7.2, 0.6 * len(losses) + 1.6), title)
     tints = [style.colour(name, place) for place, name in enumerate(losses)]
     bars = ax.barh(range(len(losses)), list(losses.values()), color=tints, height=0.62)
-    labels = [
-        f"{style.plain_number(loss)} J   {style.plain_number(loss / period)} W   "
-        f"{100 * loss / total if total else 0:.1f} %"
-        for loss in losses.values()
-    ]
+    labels = []
+    for loss in losses.values():
+        share = 100 * loss / total if total else 0.0
+        powers = f"{style.plain_number(loss)} J   {style.plain_number(loss / period)} W"
+        labels.append(f"{powers}   {share:.1f} %")
     ax.bar_label(bars, labels, padding=4, fontsize=8.5, color=style.INK)
     style.named_rows(ax, list(map(style.words, losses)), down=False)
     ax.set(xlim=(0, 1.45 * max([*losses.values(), 1e-12])), xlabel="Work lost, J per revolution")
@@ -304,13 +314,13 @@ def _inertia_torques(compressor: Compressor, state):
     """Inertia torques [N m] of all moving parts, and of the pistons."""
     # without the gas, which has no pressure of its own where it is solved with its valves
     at = instants(replaced(compressor, gas=None), state.angle)
-    whole = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
+    total = at.inertia * state.acceleration + 0.5 * at.inertia_1 * state.speed**2
     position_1 = at.kinematics.position_1
     position_2 = at.kinematics.position_2
     stroke = position_1 * (position_1 * state.acceleration + position_2 * state.speed**2)
     crankshaft = compressor.crankshaft
     mass = jnp.broadcast_to(compressor.mechanism.piston_mass, (crankshaft.count,))
-    return whole, jnp.sum(crankshaft.along(mass, state.angle) * stroke, axis=0)
+    return total, jnp.sum(crankshaft.along(mass, state.angle) * stroke, axis=0)
 
 
 # ---------------------------------------------------------------- several cylinders
@@ -326,11 +336,13 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     instants = orbit.time, orbit.weight / orbit.state.speed
     each = of_each_cylinder(orbit.under_gas(compressor), orbit.state.angle).conservative
     wrench = shaking_wrench(compressor, orbit.state)
-    torque, force, moment = (
-        time_harmonics(values, *instants, _ORDERS)[0]
-        for values in (jnp.stack([jnp.sum(each, axis=0), each[0]]), wrench.force[:2], wrench.moment)
-    )
-    ahead, behind = (0.5 * jnp.abs(force[0] + sign * force[1]) for sign in (1j, -1j))
+    torques = jnp.stack([jnp.sum(each, axis=0), each[0]])
+    torque, _ = time_harmonics(torques, *instants, _ORDERS)
+    force, _ = time_harmonics(wrench.force[:2], *instants, _ORDERS)
+    moment, _ = time_harmonics(wrench.moment, *instants, _ORDERS)
+    # an ellipse is the sum of two circles, one with and one against the rotation
+    ahead = 0.5 * jnp.abs(force[0] + 1j * force[1])
+    behind = 0.5 * jnp.abs(force[0] - 1j * force[1])
     rows = (
         ("Torque, N m", {"All cylinders": torque[0], "The first": torque[1]}),
         ("Shaking force, N", {"Forward": ahead, "Backward": behind}),
@@ -387,7 +399,7 @@ def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
     Args:
         results: orbit by what stands below its bar, such as the number of cylinders or the layout.
     """
-    figure, axes = style.beside(2, (8.6, 3.4), "Cylinders on one crank")
+    figure, axes = style.abreast(2, (8.6, 3.4), "Cylinders on one crank")
     keys = "mechanical_efficiency", "speed_fluctuation"
     for place, (ax, key) in enumerate(zip(axes, keys, strict=True)):
         heights = [100 * float(getattr(orbit, key)) for orbit in results.values()]

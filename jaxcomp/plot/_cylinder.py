@@ -94,7 +94,9 @@ def valve_motion(cycle: Cycle) -> Figure:
         (middle, cycle.flow, "Flow, forward positive, g/s"),
     ):
         curves = {"suction": courses[0] * 1e3, "discharge": courses[1] * 1e3}
-        style.turn_curves(ax, cycle.angle, curves, label, zero=ax is middle, last=ax is lowest)
+        style.turn_curves(
+            ax, cycle.angle, curves, label, zero=ax is middle, angle_label=ax is lowest
+        )
     if plenums is not None:
         case = cycle.case
         courses = iter(plenums)
@@ -131,7 +133,8 @@ def log_p_h(cycle: Cycle) -> Figure:
     h = np.concatenate([liquid.h, vapour.h[::-1]]) / 1e3
     p = np.concatenate([liquid.p, vapour.p[::-1]]) / 1e6
     ax.plot(h, p, color=style.GREY, linewidth=1.2, label="Saturation")
-    h, p = np.append(inside.h, inside.h[0]) / 1e3, np.append(inside.p, inside.p[0]) / 1e6
+    h = np.append(inside.h, inside.h[0]) / 1e3
+    p = np.append(inside.p, inside.p[0]) / 1e6
     ax.plot(h, p, color=_GAS, linewidth=1.5, label="Gas in the cylinder")
     marks = (
         ("Suction line", case.comes.h, case.comes.p, _SUCTION, "s"),
@@ -151,41 +154,42 @@ def power_use(performance: Performance) -> Figure:
     power = performance.power
     names = [name for name in POWER if name in power and float(power[name])]
     values = np.array([float(performance.power[name]) for name in names])
-    left = np.concatenate([[0.0], np.cumsum(values)[:-1]])
-    whole = float(performance.electric_power)
+    starts = np.concatenate([[0.0], np.cumsum(values)[:-1]])
+    total = float(performance.electric_power)
     share = 100 * performance.overall_efficiency
-    title = f"Use of {style.plain_number(whole, 4)} W; overall efficiency {share:.1f} %"
+    title = f"Use of {style.plain_number(total, 4)} W; overall efficiency {share:.1f} %"
     figure, ax = style.single((7.2, 0.45 * len(names) + 1.4), title)
     tints = [_GAS, *[_DISCHARGE] * (len(names) - 1)]
-    ax.barh(range(len(names)), values, left=left, color=tints, height=0.62)
-    ends = np.maximum(left, left + values) + 0.01 * whole
+    ax.barh(range(len(names)), values, left=starts, color=tints, height=0.62)
+    ends = np.maximum(starts, starts + values) + 0.01 * total
     for place, (end, value) in enumerate(zip(ends, values, strict=True)):
-        text = f"{style.plain_number(value)} W   {100 * value / whole:.1f} %"
+        text = f"{style.plain_number(value)} W   {100 * value / total:.1f} %"
         ax.text(end, place, text, va="center", fontsize=8.5, color=style.INK)
     style.named_rows(ax, list(map(style.words, names)))
-    ax.set(xlim=(0, 1.22 * whole), xlabel="Power, W")
+    ax.set(xlim=(0, 1.22 * total), xlabel="Power, W")
     return figure
 
 
-def rating_figures(found: RatingMap, name: str) -> dict[str, Figure]:
+def rating_figures(rating_map: RatingMap, name: str) -> dict[str, Figure]:
     """Maps of capacity, power, COP and overall efficiency; none for a map of a single row or column."""
     figures = {}
-    x, y = np.asarray(found.condensing) - ZERO, np.asarray(found.evaporating) - ZERO
+    x = np.asarray(rating_map.condensing) - ZERO
+    y = np.asarray(rating_map.evaporating) - ZERO
     right = np.argsort(x)
     up = np.argsort(y)
-    units = {one: unit for one, unit, _ in QUANTITIES}
-    for one in ("capacity", "power", "cop", "overall_efficiency"):
-        values = np.ma.masked_invalid(np.asarray(found.values[one])[np.ix_(up, right)])
+    units = {quantity: unit for quantity, unit, _ in QUANTITIES}
+    for quantity in ("capacity", "power", "cop", "overall_efficiency"):
+        values = np.ma.masked_invalid(np.asarray(rating_map.values[quantity])[np.ix_(up, right)])
         if min(values.shape) < 2 or not values.count():
             continue
-        look = shown(one, units[one], values)
+        look = shown(quantity, units[quantity], values)
         values = values * look.factor
-        figure, ax = style.single((6.6, 4.6), f"{name}, rating {found.rating}")
+        figure, ax = style.single((6.6, 4.6), f"{name}, rating {rating_map.rating}")
         ax.grid(False)
         shades = ax.contourf(x[right], y[up], values, 16, cmap="viridis")
         lines = ax.contour(shades, colors="white", linewidths=0.5)
         ax.clabel(lines, fontsize=7.5, fmt="%.4g")
         style.colour_bar(ax, shades, look.label, (x[right], y[up], values.filled(np.nan)))
         ax.set(xlabel="Condensing temperature, °C", ylabel="Evaporating temperature, °C")
-        figures[one] = figure
+        figures[quantity] = figure
     return figures

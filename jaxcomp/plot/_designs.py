@@ -20,43 +20,41 @@ _BARS = 18
 _ROWS = 14
 
 
-def compared_figures(found: Comparison) -> dict[str, Figure]:
+def compared_figures(comparison: Comparison) -> dict[str, Figure]:
     """All pictures of a comparison, by name: those of which it has numbers."""
     draw = {"power_use": (_USE, compared_power_use), "losses": (_LOSS, compared_losses)}
-    names = [row.name for row in found.rows]
-    return {
-        name: function(found)
-        for name, (family, function) in draw.items()
-        if any(one.startswith(family) for one in names)
-    }
+    figures = {}
+    for name, (family, function) in draw.items():
+        if any(row.name.startswith(family) for row in comparison.rows):
+            figures[name] = function(comparison)
+    return figures
 
 
-def compared_losses(found: Comparison) -> Figure:
+def compared_losses(comparison: Comparison) -> Figure:
     """Power lost in each joint of some designs, with a bar for each design.
 
     Args:
-        found: of `compare`.
+        comparison: of `compare`.
     """
-    return _compared_family(found, _LOSS, "Friction losses", "Power lost, W")
+    return _compared_family(comparison, _LOSS, "Friction losses", "Power lost, W")
 
 
-def compared_power_use(found: Comparison) -> Figure:
+def compared_power_use(comparison: Comparison) -> Figure:
     """Uses of the electric (or shaft) power of machines with valves, with a bar for each design.
 
     Args:
-        found: of `compare`.
+        comparison: of `compare`.
     """
-    return _compared_family(found, _USE, "What the power is spent on", "Power, W")
+    return _compared_family(comparison, _USE, "What the power is spent on", "Power, W")
 
 
-def _compared_family(found: Comparison, family: str, title: str, label: str) -> Figure:
+def _compared_family(comparison: Comparison, family: str, title: str, label: str) -> Figure:
     """The members of a family of powers [W], with a bar for each design."""
-    labels = found.labels
-    members = {
-        one.name.removeprefix(family): one.values
-        for one in found.rows
-        if one.name.startswith(family)
-    }
+    labels = comparison.labels
+    members = {}
+    for row in comparison.rows:
+        if row.name.startswith(family):
+            members[row.name.removeprefix(family)] = row.values
     values = np.array([[x or 0.0 for x in row] for row in members.values()])
     values = values.reshape(-1, len(labels))
     size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(members))
@@ -66,10 +64,10 @@ def _compared_family(found: Comparison, family: str, title: str, label: str) -> 
         at = np.arange(len(members)) + shifts[place]
         tint = style.colour("", place)
         bars = ax.barh(at, values[:, place], height, color=tint, label=name)
-        texts = [
-            "" if row[place] is None else f"{style.plain_number(row[place])} W"
-            for row in members.values()
-        ]
+        texts = []
+        for powers in members.values():
+            power = powers[place]
+            texts.append("" if power is None else f"{style.plain_number(power)} W")
         ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
     style.named_rows(ax, list(map(style.words, members)))
     low = values.min(initial=0.0)
@@ -82,14 +80,17 @@ def _compared_family(found: Comparison, family: str, title: str, label: str) -> 
 # ---------------------------------------------------------------- sensitivity
 
 
-def sensitivity_figures(found: Sensitivity, title: str) -> dict[str, Figure]:
+def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figure]:
     """All pictures of a sensitivity study, by name.
 
     Args:
-        found: of `sensitivity`.
+        sensitivity: of `sensitivity`.
         title: of the pictures.
     """
-    return {f"sensitivity-{one}": sensitivity_bars(found, one, title) for one in found.quantities}
+    return {
+        f"sensitivity-{quantity}": sensitivity_bars(sensitivity, quantity, title)
+        for quantity in sensitivity.quantities
+    }
 
 
 def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivity") -> Figure:
@@ -101,15 +102,17 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
         title: of the picture.
     """
     name = name or found.quantities[0]
-    ranked = [one for one in found.ranking(name) if one.relative][:_BARS]
+    ranked = [influence for influence in found.ranking(name) if influence.relative][:_BARS]
     words = shown(name, "", 0.0).words.lower()
     size = (7.6, 1.4 + 0.28 * max(len(ranked), 2))
     figure, ax = style.single(size, f"{title}: what {words} depends on most")
-    values = np.array([one.elasticity for one in ranked])
+    values = np.array([influence.elasticity for influence in ranked])
     tints = [_LOW if value > 0 else _HIGH for value in values]
     bars = ax.barh(range(len(ranked)), values, 0.7, color=tints)
     ax.bar_label(bars, fmt="{:+.3g}", padding=4, fontsize=8, color=style.INK)
-    style.named_rows(ax, [f"{one.part}, {one.value}" for one in ranked], fontsize=8.5)
+    style.named_rows(
+        ax, [f"{influence.part}, {influence.value}" for influence in ranked], fontsize=8.5
+    )
     ax.margins(x=0.16)
     ax.axvline(0, color=style.INK, linewidth=0.9)
     ax.set_xlabel(f"Change of {words} in % for a rise of the number by 1 %")
@@ -119,17 +122,17 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
 # ---------------------------------------------------------------- tolerances
 
 
-def tolerance_figures(found: Tolerances, title: str) -> dict[str, Figure]:
+def tolerance_figures(tolerances: Tolerances, title: str) -> dict[str, Figure]:
     """All pictures of a scatter, by name.
 
     Args:
-        found: of `tolerance`.
+        tolerances: of `tolerance`.
         title: of the pictures.
     """
     figures = {}
-    for name in found.names:
-        figures[f"histogram-{name}"] = tolerance_histogram(found, name, title)
-        figures[f"tornado-{name}"] = tornado(found, name, title)
+    for name in tolerances.names:
+        figures[f"histogram-{name}"] = tolerance_histogram(tolerances, name, title)
+        figures[f"tornado-{name}"] = tornado(tolerances, name, title)
     return figures
 
 
@@ -155,10 +158,11 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     low = edges[0]
     high = edges[-1]
     room = np.ptp(edges)
-    for one in limits:
-        at = look.of(one.limit.bound)
+    for row in limits:
+        at = look.of(row.limit.bound)
         if low - 0.5 * room < at < high + 0.5 * room:
-            low, high = min(low, at), max(high, at)
+            low = min(low, at)
+            high = max(high, at)
     low = low - 0.04 * room
     high = high + 0.04 * room
     ax.set(xlim=(low, high), ylim=(0, top))
@@ -168,8 +172,8 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         (found.second_order, _SECOND, "--", "second order"),
     ):
         if moments is not None and moments.deviation[place] > 0:
-            mean, wide = look.of(moments.mean[place]), moments.deviation[place] * look.factor
-            bell = stats.norm.pdf(x, mean, wide)
+            mean = look.of(moments.mean[place])
+            bell = stats.norm.pdf(x, mean, moments.deviation[place] * look.factor)
             ax.plot(x, bell, line, color=tint, linewidth=1.3, label=f"normal, {word}")
     nominal = look.of(found.value[place])
     ax.axvline(nominal, color=style.INK, linewidth=1.0, linestyle=":", label="nominal")
@@ -179,17 +183,19 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         ax.annotate(f"{share} %", (at, 0.07 * top), (shift, 0), fontsize=8, ha=side,
                     textcoords="offset points", color=style.INK)  # fmt: skip
     style.note(figure, "Short marks: 5 and 95 % of the machines lie below.")
-    for one in limits:
-        at = look.of(one.limit.bound)
-        text = f"limit {look.text(one.limit.bound)}"
+    for row in limits:
+        at = look.of(row.limit.bound)
+        text = f"limit {look.text(row.limit.bound)}"
         ax.axvline(at, color=_LIMIT, linewidth=1.3)
         # beside the line on the side of what breaks it, where the samples are few
-        side, shift = ("left", 4) if one.limit.above and at < high else ("right", -4)
-        ax.annotate(f"{text}: {100 * one.sampled:.3g} % break it", (np.clip(at, low, high), 0.6 * top),
+        side, shift = ("left", 4) if row.limit.above and at < high else ("right", -4)
+        ax.annotate(f"{text}: {100 * row.sampled:.3g} % break it", (np.clip(at, low, high), 0.6 * top),
                     (shift, 0), fontsize=8, color=_LIMIT, textcoords="offset points", rotation=90,
                     va="center", ha=side)  # fmt: skip
     ax.set(yticks=[], xlabel=look.label, ylabel="Share of the machines")
-    style.legend(ax, loc="upper right" if found.sampled.skewness[place] > -0.5 else "upper left")
+    # above the longer tail
+    side = "right" if found.sampled.skewness[place] > -0.5 else "left"
+    style.legend(ax, loc=f"upper {side}")
     return figure
 
 
@@ -216,9 +222,9 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
     low, high = ax.get_xlim()
     ax.set_xlim(low, high + 0.16 * (high - low))
     shares = [(row, "center", f"{100 * share:.1f} %") for row, (_, share) in enumerate(ranked)]
-    for row, across, text in [*shares, (-0.62, "bottom", "of variance")]:
+    for row, alignment, text in [*shares, (-0.62, "bottom", "of variance")]:
         ax.annotate(text, (1.0, row), xycoords=("axes fraction", "data"), fontsize=8, ha="right",
-                    va=across, color=style.INK)  # fmt: skip
+                    va=alignment, color=style.INK)  # fmt: skip
     ax.axvline(mean, color=style.INK, linewidth=0.9)
     labels = [found.label(variable) for variable, _ in ranked]
     ax.set_yticks(range(len(rows)), labels, fontsize=8.5)

@@ -55,7 +55,9 @@ def fine_turn(
     motor = jnp.interp(angle, nodes, orbit.motor_torque, period=2 * jnp.pi)
     journals = None
     if orbit.positions is not None:
-        places = jnp.stack([orbit.positions[one.joint] for one in moving(compressor)], axis=1)
+        places = jnp.stack(
+            [orbit.positions[journal.joint] for journal in moving(compressor)], axis=1
+        )
         at = partial(jnp.interp, angle, nodes, period=2 * jnp.pi)
         flat = jax.vmap(lambda row: at(row))(places.reshape(-1, nodes.size))
         journals = flat.reshape(*places.shape[:2], -1)

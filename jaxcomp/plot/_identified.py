@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from .._core.display import shown
+from .._core.display import Shown, shown
 from ..study import Identification
 from ..study.rating import ZERO
 from . import _style as style
@@ -17,36 +17,37 @@ _RADIUS = 5.991**0.5
 _FEW = 12
 
 
-def identification_figures(found: Identification, name: str) -> dict[str, Figure]:
+def identification_figures(identification: Identification, name: str) -> dict[str, Figure]:
     """All pictures of an identification by name.
 
     Args:
-        found: to show.
+        identification: to show.
         name: of the machine.
     """
     figures = {}
-    for one in found.quantities:
-        trace = np.isfinite(_condition(found, "crank_angle", one)).all()
-        figures[f"identified_{one}"] = (_trace if trace else _readings)(found, name, one)
-        if np.isfinite(_condition(found, "condensing", one)).all():
-            figures[f"map_{one}"] = _map(found, name, one)
-    if len(found.parameters) > 1 and np.isfinite(found.covariance).all():
-        figures["identified_pairs"] = _pairs(found, name)
+    for quantity in identification.quantities:
+        trace = np.isfinite(_condition(identification, "crank_angle", quantity)).all()
+        draw = _trace if trace else _readings
+        figures[f"identified_{quantity}"] = draw(identification, name, quantity)
+        if np.isfinite(_condition(identification, "condensing", quantity)).all():
+            figures[f"map_{quantity}"] = _map(identification, name, quantity)
+    if len(identification.parameters) > 1 and np.isfinite(identification.covariance).all():
+        figures["identified_pairs"] = _pairs(identification, name)
     return figures
 
 
-def _condition(found: Identification, key: str, quantity: str) -> np.ndarray:
+def _condition(identification: Identification, key: str, quantity: str) -> np.ndarray:
     """Values of a condition; not a number where it has none."""
-    whole = found.conditions.get(key, np.full(len(found.quantity), np.nan))
-    return np.asarray(whole)[found.of(quantity)]
+    values = identification.conditions.get(key, np.full(len(identification.quantity), np.nan))
+    return np.asarray(values)[identification.of(quantity)]
 
 
-def _columns(found: Identification, quantity: str):
+def _columns(identification: Identification, quantity: str):
     """Measured, computed, width of the interval, error, and which were fitted."""
-    mine = found.of(quantity)
-    unit, relative = found.kinds[quantity]
+    rows = identification.of(quantity)
+    unit, relative = identification.kinds[quantity]
     measured, computed, half, used = (
-        np.asarray(getattr(found, key))[mine]
+        np.asarray(getattr(identification, key))[rows]
         for key in ("measured", "computed", "half_width", "used")
     )
     look = shown(quantity, unit, measured).drawn
@@ -59,7 +60,7 @@ def _columns(found: Identification, quantity: str):
     else:
         factor = look.factor
         label = look.label.rpartition(",")[2].strip() or "-"
-    error = found.error(quantity) * factor
+    error = identification.error(quantity) * factor
     return (
         look,
         look.of(measured),
@@ -71,17 +72,17 @@ def _columns(found: Identification, quantity: str):
     )
 
 
-def _readings(found: Identification, name: str, quantity: str) -> Figure:
+def _readings(identification: Identification, name: str, quantity: str) -> Figure:
     """Computed over measured, and the error over every condition that varies."""
-    look, measured, computed, half, error, unit, used = _columns(found, quantity)
-    axes = {key: _condition(found, key, quantity) for key in found.conditions}
+    look, measured, computed, half, error, unit, used = _columns(identification, quantity)
+    axes = {key: _condition(identification, key, quantity) for key in identification.conditions}
     axes = {
         key: values
         for key, values in axes.items()
         if np.isfinite(values).all() and np.ptp(values) > 1e-9 * np.abs(values).max()
     }
     count = 1 + len(axes)
-    figure, grid = style.beside(count, (4.3 * count, 4.2), f"{name}: {look.label}")
+    figure, grid = style.abreast(count, (4.3 * count, 4.2), f"{name}: {look.label}")
     grid = np.atleast_1d(grid)
     ends = [min(measured.min(), computed.min()), max(measured.max(), computed.max())]
     grid[0].plot(ends, ends, color=style.GREY, linewidth=0.8)
@@ -91,29 +92,30 @@ def _readings(found: Identification, name: str, quantity: str) -> Figure:
         look_of = {"fmt": "o", "color": tint, "markersize": 4, "label": label}
         grid[0].errorbar(measured[which], computed[which], half[which], **look_of)
         for ax, (key, values) in zip(grid[1:], axes.items(), strict=True):
-            x = values[which] - ZERO * (found.condition_units[key] == "K")
+            x = values[which] - ZERO * (identification.condition_units[key] == "K")
             ax.plot(x, error[which], "o", color=tint, markersize=4)
     grid[0].set(xlabel="Measured", ylabel="Computed, with its 95 % interval")
     for ax, key in zip(grid[1:], axes, strict=True):
         style.zero_line(ax)
-        at = {"K": "\N{DEGREE SIGN}C", "": ""}.get(
-            found.condition_units[key], found.condition_units[key]
-        )
-        ax.set(
-            xlabel=f"{style.words(key)}{at and f', {at}'}", ylabel=f"Computed less measured, {unit}"
-        )
+        condition_unit = identification.condition_units[key]
+        if condition_unit == "K":
+            condition_unit = "\N{DEGREE SIGN}C"
+        ax.set_xlabel(_with_unit(style.words(key), condition_unit))
+        ax.set_ylabel(f"Computed less measured, {unit}")
     style.legend(grid[0])
     return figure
 
 
-def _trace(found: Identification, name: str, quantity: str) -> Figure:
+def _trace(identification: Identification, name: str, quantity: str) -> Figure:
     """Readings and model over the crank angle, and what is left in standard deviations."""
-    look, measured, computed, *_ = _columns(found, quantity)
-    mine = found.of(quantity)
-    angle = np.degrees(_condition(found, "crank_angle", quantity))
-    left = np.asarray((found.computed - found.measured) / found.sd)[mine]
+    look, measured, computed, *_ = _columns(identification, quantity)
+    rows = identification.of(quantity)
+    angle = np.degrees(_condition(identification, "crank_angle", quantity))
+    residual = np.asarray((identification.computed - identification.measured) / identification.sd)[
+        rows
+    ]
     figure, (ax, off) = style.stacked(2, (7.2, 5.4), f"{name}: {look.label}")
-    points = np.asarray(found.point)[mine]
+    points = np.asarray(identification.point)[rows]
     # each file is a line of its own
     for number, point in enumerate(dict.fromkeys(points.tolist())):
         at = np.flatnonzero(points == point)
@@ -122,7 +124,7 @@ def _trace(found: Identification, name: str, quantity: str) -> Figure:
         which = f", {number + 1}" if np.ptp(points) else ""
         ax.plot(angle[at], measured[at], ".", color=tint, markersize=4, label=f"measured{which}")
         ax.plot(angle[at], computed[at], color=tint, linewidth=1.2, label=f"computed{which}")
-        off.plot(angle[at], left[at], ".", color=tint, markersize=3)
+        off.plot(angle[at], residual[at], ".", color=tint, markersize=3)
     style.zero_line(off)
     ax.set(ylabel=look.label)
     off.set(xlabel="Crank angle, degrees", ylabel="Difference, standard deviations")
@@ -130,18 +132,18 @@ def _trace(found: Identification, name: str, quantity: str) -> Figure:
     return figure
 
 
-def _map(found: Identification, name: str, quantity: str) -> Figure:
+def _map(identification: Identification, name: str, quantity: str) -> Figure:
     """The model with its intervals over the evaporating temperature, one line a condensing one."""
-    look, measured, computed, half, _, _, used = _columns(found, quantity)
-    x = _condition(found, "evaporating", quantity) - ZERO
+    look, measured, computed, half, _, _, used = _columns(identification, quantity)
+    x = _condition(identification, "evaporating", quantity) - ZERO
     lines = np.stack([
-        _condition(found, "condensing", quantity) - ZERO,
-        np.nan_to_num(_condition(found, "speed", quantity)),
+        _condition(identification, "condensing", quantity) - ZERO,
+        np.nan_to_num(_condition(identification, "speed", quantity)),
     ]).round(2)  # fmt: skip
     figure, ax = style.single((7.2, 4.8), f"{name}: {look.label}, with 95 % intervals")
     for place, (at, speed) in enumerate(sorted(set(map(tuple, lines.T.tolist())))):
-        mine = np.all(np.array([at, speed]) == lines.T, axis=1)
-        order = np.flatnonzero(mine)[np.argsort(x[mine])]
+        on_line = np.all(np.array([at, speed]) == lines.T, axis=1)
+        order = np.flatnonzero(on_line)[np.argsort(x[on_line])]
         tint = style.tint(place)
         label = f"{at:.4g} \N{DEGREE SIGN}C" if place < _FEW else None
         ax.plot(x[order], computed[order], color=tint, linewidth=1.2, label=label)
@@ -157,41 +159,52 @@ def _map(found: Identification, name: str, quantity: str) -> Figure:
     return figure
 
 
-def _pairs(found: Identification, name: str) -> Figure:
+def _pairs(identification: Identification, name: str) -> Figure:
     """Ellipses of 95 % of the pairs of constants that are correlated most."""
-    error = np.asarray(found.standard_error)
-    covariance = np.asarray(found.covariance)
+    error = np.asarray(identification.standard_error)
+    covariance = np.asarray(identification.covariance)
     correlation = covariance / np.outer(error, error)
     rows, columns = np.triu_indices(len(error), 1)
     worst = np.argsort(-np.abs(correlation[rows, columns]))[:_PAIRS]
     count = len(worst)
-    figure, grid = style.beside(count, (3.9 * count, 4.0), f"{name}: pairs that are told least")
+    figure, grid = style.abreast(count, (3.9 * count, 4.0), f"{name}: pairs that are told least")
     for ax, k in zip(np.atleast_1d(grid), worst, strict=True):
         i, j = rows[k], columns[k]
         block = covariance[np.ix_([i, j], [i, j])]
         sizes, axes = np.linalg.eigh(block / np.outer(error[[i, j]], error[[i, j]]))
-        centre = np.asarray(found.estimate)[[i, j]]
+        centre = np.asarray(identification.estimate)[[i, j]]
         angle = np.linspace(0, 2 * np.pi, 181)
         circle = np.stack([np.cos(angle), np.sin(angle)])
         line = (axes * np.sqrt(np.maximum(sizes, 0))) @ circle * _RADIUS * error[[i, j], None]
         line = line + centre[:, None]
-        if found.bounds is not None:
-            line = _within(line, np.asarray(found.bounds)[[i, j]])
-        looks = [shown(found.parameters[n], found.units[n], found.estimate[n]) for n in (i, j)]
-        size, zero = (np.array([getattr(one, key) for one in looks]) for key in ("factor", "zero"))
+        if identification.bounds is not None:
+            line = _within(line, np.asarray(identification.bounds)[[i, j]])
+        looks = [
+            shown(identification.parameters[n], identification.units[n], identification.estimate[n])
+            for n in (i, j)
+        ]
+        size = np.array([look.factor for look in looks])
+        zero = np.array([look.zero for look in looks])
         shift = centre * size + zero
         ax.plot(*(line * size[:, None] + zero[:, None]), color=_FITTED)
         ax.plot(*shift, "o", color=_FITTED, markersize=4)
         style.heading(ax, f"Correlation {correlation[i, j]:.3f}")
-        names = (found.parameters[i], found.parameters[j])
-        labels = (
-            f"{name}, {look.unit}" if look.unit else name
-            for name, look in zip(names, looks, strict=True)
-        )
-        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+        names = (identification.parameters[i], identification.parameters[j])
+        ax.set_xlabel(_with_unit(names[0], looks[0].unit))
+        ax.set_ylabel(_with_unit(names[1], looks[1].unit))
         ax.xaxis.label.set_size(8)
         ax.yaxis.label.set_size(8)
     return figure
+
+
+def _parameter_look(identification: Identification, n: int) -> Shown:
+    """Format of an identified number."""
+    name = identification.parameters[n]
+    return shown(name, identification.units[n], identification.estimate[n])
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name}, {unit}" if unit else name
 
 
 def _within(line: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -205,14 +218,14 @@ def _within(line: np.ndarray, bounds: np.ndarray) -> np.ndarray:
             if not np.isfinite(end) or not points.size:
                 continue
             inside = sign * (points[axis] - end)
-            kept = []
+            clipped = []
             for k in range(points.shape[1]):
                 if inside[k - 1] * inside[k] < 0:
                     share = inside[k - 1] / (inside[k - 1] - inside[k])
                     crossing = points[:, k - 1] + share * (points[:, k] - points[:, k - 1])
                     crossing[axis] = end
-                    kept.append(crossing)
+                    clipped.append(crossing)
                 if inside[k] >= 0:
-                    kept.append(points[:, k])
-            points = np.array(kept).T if kept else np.empty((2, 0))
+                    clipped.append(points[:, k])
+            points = np.array(clipped).T if clipped else np.empty((2, 0))
     return np.concatenate([points, points[:, :1]], axis=1)

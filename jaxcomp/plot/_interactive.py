@@ -58,23 +58,27 @@ def interactive(figure: Figure) -> Any:
         ) from None
     FigureCanvasAgg(figure).draw()  # lays the axes out
     width, height = figure.get_size_inches() * _INCH
-    legends = [one for one in (*figure.legends, *(a.get_legend() for a in figure.axes)) if one]
-    wanted = {text.get_text() for one in legends for text in one.get_texts()}
-    heading = next(filter(None, (one.get_title().get_text() for one in legends)), "")
-    room = _LEGEND if wanted else 0
-    made = _Made(go.Figure(), wanted)
-    made.figure.update_layout(
+    listed: set[str] = set()
+    heading = ""
+    for legend in (*figure.legends, *(ax.get_legend() for ax in figure.axes)):
+        if legend:
+            listed |= {text.get_text() for text in legend.get_texts()}
+            heading = heading or legend.get_title().get_text()
+    room = _LEGEND if listed else 0
+    conversion = _Conversion(go.Figure(), listed)
+    conversion.figure.update_layout(
         width=width + room, height=height, template="none", font=_FONT, hovermode="closest",
         margin={"l": 0, "r": room, "t": 0, "b": 0}, barmode="overlay",
         legend={"x": 1.01, "y": 0.95, "font": {"size": 12}, "title": heading},
     )  # fmt: skip
     if title := figure.get_suptitle():
-        made.write(title, 0.01, 0.995, _PAPER, 15, yanchor="top")
+        conversion.write(title, 0.01, 0.995, _PAPER, 15, yanchor="top")
     if note := figure.get_supxlabel():
-        made.write(note, 0.01, 0.003, _PAPER, 11, yanchor="bottom")
-    for number, ax in enumerate((ax for ax in figure.axes if ax.get_visible()), 1):
-        made.draw(ax, number)
-    return made.figure
+        conversion.write(note, 0.01, 0.003, _PAPER, 11, yanchor="bottom")
+    visible = filter(Axes.get_visible, figure.axes)
+    for number, ax in enumerate(visible, 1):
+        conversion.draw(ax, number)
+    return conversion.figure
 
 
 def interactive_page(figures: Mapping[str, Any], title: str) -> str:
@@ -104,14 +108,14 @@ def _offering_interactive(function: Callable) -> Callable:
     )
 
     @functools.wraps(function)
-    def _draw(*given, **options):
-        wanted = options.pop("interactive", False)
-        made = function(*given, **options)
-        if not wanted:
-            return made
-        if isinstance(made, dict):
-            return {name: interactive(figure) for name, figure in made.items()}
-        return interactive(made)
+    def _draw(*arguments, **options):
+        as_plotly = options.pop("interactive", False)
+        drawn = function(*arguments, **options)
+        if not as_plotly:
+            return drawn
+        if isinstance(drawn, dict):
+            return {name: interactive(figure) for name, figure in drawn.items()}
+        return interactive(drawn)
 
     _draw.__doc__ = (
         f"{function.__doc__}\n    With `interactive=True`: figures of plotly, see `interactive`.\n"
@@ -122,12 +126,12 @@ def _offering_interactive(function: Callable) -> Callable:
     return _draw
 
 
-class _Made:
+class _Conversion:
     """The figure of plotly under construction."""
 
-    def __init__(self, figure: Any, wanted: set[str]):
+    def __init__(self, figure: Any, listed: set[str]):
         self.figure = figure
-        self.wanted = wanted
+        self.listed = listed  # labels that the legend has, and no trace yet
         self.axes: dict[Axes, str] = {}
 
     def draw(self, ax: Axes, number: int) -> None:
@@ -137,10 +141,11 @@ class _Made:
         if title := ax.get_title(loc="left"):
             box = ax.get_position()
             self.write(title, box.x0, box.y1, _PAPER, 12, yanchor="bottom")
-        bars = [one for one in ax.containers if isinstance(one, BarContainer)]
-        for container in bars:
-            self._bars(ax, container, place)
-        in_bars = {patch for container in bars for patch in container}
+        in_bars = set()
+        for container in ax.containers:
+            if isinstance(container, BarContainer):
+                self._bars(ax, container, place)
+                in_bars.update(container)
         for patch in ax.patches:
             if patch not in in_bars:
                 path = patch.get_path()
@@ -167,7 +172,11 @@ class _Made:
         box = ax.get_position()
         right = ax.yaxis.get_ticks_position() == "right"
         # axes at the place of others have an ordinate of their own over the common abscissa
-        below = next((k for a, k in self.axes.items() if np.allclose(a.get_position(), box)), None)
+        below = None
+        for other, other_key in self.axes.items():
+            if np.allclose(other.get_position(), box):
+                below = other_key
+                break
         x = self.axes[ax] = below or f"x{key}"
         look: dict[str, Any] = {"domain": (box.y0, box.y1), "anchor": x}
         look["side"] = "right" if right else "left"
@@ -183,12 +192,17 @@ class _Made:
 
     def _axis(self, ax: Axes, axis, name: str, look: dict[str, Any]) -> None:
         """An abscissa or ordinate."""
-        limits = axis.get_view_interval()[:: -1 if axis.get_inverted() else 1]
-        log = axis.get_scale() == "log"
+        limits = axis.get_view_interval()
+        if axis.get_inverted():
+            limits = limits[::-1]
+        kind = "linear"
+        if axis.get_scale() == "log":  # of which plotly has the exponents
+            kind = "log"
+            limits = np.log10(limits)
         lines = axis.get_gridlines()
         labels = axis.get_ticklabels()
         look |= {
-            "range": np.log10(limits) if log else limits, "type": "log" if log else "linear",
+            "range": limits, "type": kind,
             "title": {"text": axis.get_label_text(), "font": {"size": 12}, "standoff": 4},
             "showgrid": bool(lines) and lines[0].get_visible(), "gridcolor": GRID, "zeroline": False,
             "ticks": "outside", "ticklen": 4, "tickfont": {"size": 11}, "linecolor": GREY,
@@ -199,10 +213,11 @@ class _Made:
             places, texts = _ticks(axis)
             look |= {"tickvals": places, "ticktext": list(map(_html, texts))}
         group = ax.get_shared_x_axes() if name[0] == "x" else ax.get_shared_y_axes()
-        own = self.axes[ax]
-        others = (k for a, k in self.axes.items() if k != own and group.joined(ax, a))
-        if other := next(others, None):
-            look["matches"] = other.replace("x", name[0])
+        axis_key = self.axes[ax]
+        for other, key in self.axes.items():
+            if key != axis_key and group.joined(ax, other):
+                look["matches"] = key.replace("x", name[0])
+                break
         self.figure.update_layout({name: look})
 
     def _polar_axes(self, ax: Axes, key: str) -> dict[str, str]:
@@ -218,8 +233,8 @@ class _Made:
     def _trace(self, ax: Axes, kind: str, label: str, place, x, y, **look) -> None:
         """A trace, in the legend where the picture has it there."""
         label = "" if label.startswith("_") else label
-        listed = label in self.wanted
-        self.wanted.discard(label)
+        in_legend = label in self.listed
+        self.listed.discard(label)
         words = [label] if label else []
         if ax.name == "polar":
             kind = f"{kind}polar"
@@ -230,7 +245,7 @@ class _Made:
             named = (ax.get_xlabel() or "x", "x"), (ax.get_ylabel() or "y", "y")
             words += [f"{word}: %{{{name}:.5g}}" for word, name in named]
         self.figure.add_trace(
-            {"type": kind, "name": label, "showlegend": listed, "legendgroup": label or None,
+            {"type": kind, "name": label, "showlegend": in_legend, "legendgroup": label or None,
              "hovertemplate": "<br>".join(words) + "<extra></extra>", **data, **place, **look}
         )  # fmt: skip
 
@@ -245,16 +260,20 @@ class _Made:
             self.figure.add_shape(type="line", x0=x[0], x1=x[-1], y0=y[0], y1=y[-1], line=look,
                                   **_references(inside, place))  # fmt: skip
         if not all(inside) or not len(x):
-            x, y = [None], [None]  # for the legend
+            # for the legend
+            x = [None]
+            y = [None]
         sign = line.get_marker()
         hollow = line.get_fillstyle() == "none"
         symbol = _MARKERS.get(sign, "circle") + ("-open" if hollow else "")
         size = line.get_markersize() * _POINT * (0.5 if sign == "." else 1.0)
         marker = {"color": tint, "size": size, "symbol": symbol,
                   "line": {"color": tint, "width": 1.2 * (hollow or "thin" in symbol)}}  # fmt: skip
-        drawn = [
-            word for word, what in (("lines", style), ("markers", sign)) if what not in _NOTHING
-        ]
+        drawn = []
+        if style not in _NOTHING:
+            drawn.append("lines")
+        if sign not in _NOTHING:
+            drawn.append("markers")
         self._trace(ax, "scatter", str(line.get_label()), place, x, y, line=look, marker=marker,
                     mode="+".join(drawn) or "lines")  # fmt: skip
 
@@ -262,7 +281,7 @@ class _Made:
         flat = bars.orientation == "horizontal"
         boxes = [(b.get_x(), b.get_y(), b.get_width(), b.get_height()) for b in bars]
         x0, y0, width, height = np.array(boxes, float).reshape(-1, 4).T
-        base, length, middle, across = (
+        base, length, middle, thickness = (
             (x0, width, y0 + height / 2, height) if flat else (y0, height, x0 + width / 2, width)
         )
         axis = ax.yaxis if flat else ax.xaxis
@@ -273,7 +292,7 @@ class _Made:
         label = (ax.get_xlabel() if flat else ax.get_ylabel()) or "value"
         self._trace(
             ax, "bar", str(bars.get_label()), place, *((length, middle) if flat else (middle, length)),
-            base=base, width=across, orientation="h" if flat else "v",
+            base=base, width=thickness, orientation="h" if flat else "v",
             hovertemplate=f"%{{customdata[0]}}<br>{label}: %{{customdata[1]:.5g}}<extra></extra>",
             customdata=list(zip(names, (base + length).tolist(), strict=True)),
             marker={"color": [_colour(b.get_facecolor()) for b in bars]},
@@ -295,9 +314,9 @@ class _Made:
             pieces: list[Any] = list(path.to_polygons(closed_only=False))
             edge = edges[number % len(edges)] if len(edges) else (0, 0, 0, 0)
             if pieces and segments:
-                x, y = (
-                    np.concatenate([np.append(p[:, i], np.nan) for p in pieces]) for i in (0, 1)
-                )
+                # not a number parts one piece from the next
+                gaps = [np.append(piece, np.full((1, 2), np.nan), axis=0) for piece in pieces]
+                x, y = np.concatenate(gaps).T
                 look = {"color": _colour(edge), "width": 1.2}
                 self._trace(ax, "scatter", label, place, x, y, mode="lines", line=look)
             elif pieces:
@@ -316,19 +335,20 @@ class _Made:
         """A filled shape below the curves, with holes where polygons lie in each other."""
         if ax.name == "polar":
             return
-        path = " ".join(
-            "M" + "L".join(f"{x:.9g},{y:.9g}" for x, y in np.asarray(p, float)) + "Z"
-            for p in polygons
-            if len(p) and np.all(np.isfinite(p))
-        )
-        if path:
-            self.figure.add_shape(type="path", path=path, fillcolor=_colour(face), layer="below",
-                                  fillrule="evenodd", line={"color": _colour(edge), "width": 0.7},
+        paths = []
+        for polygon in polygons:
+            if len(polygon) and np.all(np.isfinite(polygon)):
+                corners = (f"{x:.9g},{y:.9g}" for x, y in np.asarray(polygon, float))
+                paths.append(f"M{'L'.join(corners)}Z")
+        if paths:
+            self.figure.add_shape(type="path", path=" ".join(paths), layer="below",
+                                  fillcolor=_colour(face), fillrule="evenodd",
+                                  line={"color": _colour(edge), "width": 0.7},
                                   **_references(inside, place))  # fmt: skip
 
     def _listed(self, ax: Axes, artist, face, place) -> None:
         """A filled shape in the legend."""
-        if artist.get_label() in self.wanted:
+        if artist.get_label() in self.listed:
             marker = {"color": _colour(face), "symbol": "square", "size": 12}
             self._trace(ax, "scatter", artist.get_label(), place, [None], [None], mode="markers",
                         marker=marker)  # fmt: skip
@@ -345,24 +365,24 @@ class _Made:
                 textposition="top right", textfont={"size": size}, hovertemplate=None,
             )  # fmt: skip
             return
-        given = getattr(text, "xycoords", None)
-        if given is None:
+        coordinates = getattr(text, "xycoords", None)
+        if coordinates is None:
             inside = text.get_transform().contains_branch_seperately(ax.transData)
         else:
-            pair = given if isinstance(given, tuple) else (given, given)
-            inside = tuple(one == "data" or not isinstance(one, str) for one in pair)
+            pair = coordinates if isinstance(coordinates, tuple) else (coordinates,) * 2
+            inside = tuple(system == "data" or not isinstance(system, str) for system in pair)
         right = 0.0
         up = 0.0
         if getattr(text, "anncoords", None) == "offset points":
             right, up = (_POINT * float(shift) for shift in text.xyann)
         x, y = (
-            float(np.log10(v) if here and axis.get_scale() == "log" else v)
-            for v, here, axis in zip((x, y), inside, (ax.xaxis, ax.yaxis), strict=True)
+            float(np.log10(v) if in_data and axis.get_scale() == "log" else v)
+            for v, in_data, axis in zip((x, y), inside, (ax.xaxis, ax.yaxis), strict=True)
         )
-        across = {"center": "middle", "center_baseline": "middle", "baseline": "bottom"}
+        anchors = {"center": "middle", "center_baseline": "middle", "baseline": "bottom"}
         self.write(
             words, x, y, _references(inside, place), size, xanchor=text.get_ha(),
-            yanchor=across.get(text.get_va(), text.get_va()), xshift=right, yshift=up,
+            yanchor=anchors.get(text.get_va(), text.get_va()), xshift=right, yshift=up,
             textangle=-text.get_rotation(),
             font={"size": size, "color": _colour(text.get_color())},
         )  # fmt: skip
@@ -380,10 +400,13 @@ def _html(text: str) -> str:
 
 def _references(inside, place) -> dict[str, str]:
     """References of the two coordinates of a shape or text: data, or the share of the axes."""
-    x, y = place["xaxis"], place["yaxis"]
-    return {"xref": x if inside[0] else f"{x} domain", "yref": y if inside[1] else f"{y} domain"}
+    references = {}
+    for axis, in_data in zip("xy", inside, strict=True):
+        name = place[f"{axis}axis"]
+        references[f"{axis}ref"] = name if in_data else f"{name} domain"
+    return references
 
 
-def _colour(given, alpha=None) -> str:
-    red, green, blue, opaque = to_rgba(given, alpha)
+def _colour(paint, alpha=None) -> str:
+    red, green, blue, opaque = to_rgba(paint, alpha)
     return f"rgba({255 * red:.0f},{255 * green:.0f},{255 * blue:.0f},{opaque:.3g})"

@@ -166,16 +166,16 @@ def line_look(name: str) -> dict[str, Any]:
     return {"color": paint, "linewidth": thick, "linestyle": dash, "solid_capstyle": "round"}
 
 
-def _box(left: float, right: float, height: float, y: float) -> np.ndarray:
-    x = [left, right, right, left, left]
+def _box(x_low: float, x_high: float, height: float, y: float) -> np.ndarray:
+    x = [x_low, x_high, x_high, x_low, x_low]
     half = height / 2
     return np.array([x, [y - half, y - half, y + half, y + half, y - half]])
 
 
-def _cylinder(left: float, right: float, bore: float, y: float) -> np.ndarray:
+def _cylinder(open_end: float, head: float, bore: float, y: float) -> np.ndarray:
     """Both walls and the head, open towards the crank."""
     half = 0.51 * bore
-    return np.array([[left, right, right, left], [y - half, y - half, y + half, y + half]])
+    return np.array([[open_end, head, head, open_end], [y - half, y - half, y + half, y + half]])
 
 
 def _circle(radius: float) -> np.ndarray:

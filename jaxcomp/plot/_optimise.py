@@ -38,9 +38,9 @@ def optimum_convergence(optimum: Optimum) -> Figure:
     for number, start in enumerate(optimum.starts):
         away = np.abs(start.objectives - optimum.objective) * goal.factor
         for ax, rows in ((above, away), (below, start.slopes)):
-            known = np.where(np.isfinite(rows) & (rows > 0), rows, np.nan)
+            positive = np.where(np.isfinite(rows) & (rows > 0), rows, np.nan)
             steps = np.arange(1, start.steps + 1)
-            ax.semilogy(steps, known, "o-", color=_path(number), markersize=3, linewidth=1.1)
+            ax.semilogy(steps, positive, "o-", color=_path(number), markersize=3, linewidth=1.1)
     style.note(figure, "Each colour is one start.")
     above.set_ylabel(f"Distance from the best, {goal.unit}".rstrip(", "))
     below.set(xlabel=_STEPS, ylabel="Projected slope")
@@ -65,11 +65,11 @@ def pareto_front(front: ParetoFront) -> Figure:
     )
     if front.dominated.any():
         ax.plot(*points[front.dominated].T, "x", color=_BAD, label="dominated")
-    for at, name, most, shift in zip(
+    for at, name, maximised, shift in zip(
         points[[0, -1]], names, front.maximised, (10, -12), strict=True
     ):
         ax.plot(*at, "*", color=_BEST, markersize=13)
-        ax.annotate(f"{'most' if most else 'least'} {name}", at, (0, shift), fontsize=8, ha="center",
+        ax.annotate(f"{'most' if maximised else 'least'} {name}", at, (0, shift), fontsize=8, ha="center",
                     va="center", textcoords="offset points", color=style.INK)  # fmt: skip
     if np.all(np.isfinite(present)):
         _present(ax, *present)
@@ -79,23 +79,26 @@ def pareto_front(front: ParetoFront) -> Figure:
     low = near.min(axis=0)
     high = near.max(axis=0)
     margin = 0.15 * np.where(high > low, high - low, np.maximum(np.abs(high), 1e-12))
-    (left, bottom), (right, top) = low - margin, high + margin
-    ax.set(xlim=(left, right), ylim=(bottom, top), xlabel=looks[1].label, ylabel=looks[0].label)
+    xlim, ylim = np.stack([low - margin, high + margin], axis=1)
+    ax.set(xlim=xlim, ylim=ylim, xlabel=looks[1].label, ylabel=looks[0].label)
     style.legend(ax, loc="best")
     return figure
 
 
 def _columns(looks: Sequence[Shown]) -> Shown:
     """Format of the columns of a table of numbers."""
-    return Shown("", "", *np.array([(one.factor, one.zero) for one in looks]).T)
+    return Shown("", "", *np.array([(look.factor, look.zero) for look in looks]).T)
 
 
 def _line(optimum: Optimum) -> Figure:
     figure, (above, below) = style.stacked(2, (6.6, 6.0), _title(optimum))
-    (variable,), goal, sample = _variables(optimum), _objective(optimum), optimum.sample
+    (variable,) = _variables(optimum)
+    goal = _objective(optimum)
+    sample = optimum.sample
     order = np.argsort(sample.values[:, 0])
     order = order[sample.ok[order]]
-    x, y = variable.of(sample.values[order, 0]), goal.of(sample.objective[order])
+    x = variable.of(sample.values[order, 0])
+    y = goal.of(sample.objective[order])
     above.plot(x, y, color=_SAMPLE, linewidth=1.4, label=f"{len(order)} samples")
     broken = ~sample.feasible[order]
     if broken.any():
@@ -145,9 +148,9 @@ def _plane(optimum: Optimum) -> Figure:
         ax.plot(*path[:, 0], "o", color=_path(number), markersize=6, markeredgecolor="white")
     style.note(figure, "Each colour is one start, from its large dot; the shade is of the samples.")
     _best(ax, optimum, *scale.of(np.array(list(optimum.values.values()))))
-    now = np.asarray(optimum.problem.current)
-    if ranges.contain(now[None])[0]:
-        _present(ax, *scale.of(now))
+    present = np.asarray(optimum.problem.current)
+    if ranges.contain(present[None])[0]:
+        _present(ax, *scale.of(present))
     ax.set(xlabel=looks[0].label, ylabel=looks[1].label)
     style.legend(ax, loc="upper left", bbox_to_anchor=(0, -0.12), ncols=3)
     return figure
@@ -191,7 +194,8 @@ def _title(optimum: Optimum) -> str:
         return "No design found keeps the limits"
     if optimum.objective_name == "residuals":
         return "Targets met by least squares"
-    return f"{'Highest' if optimum.maximised else 'Lowest'} {style.words(optimum.objective_name).lower()}"
+    which = "Highest" if optimum.maximised else "Lowest"
+    return f"{which} {style.words(optimum.objective_name).lower()}"
 
 
 def _objective(optimum: Optimum) -> Shown:
@@ -204,7 +208,8 @@ def _variables(optimum: Optimum) -> list[Shown]:
     variables = optimum.problem.variables
     values = optimum.sample.values.T
     return [
-        shown(one.name, one.unit, row).drawn for one, row in zip(variables, values, strict=True)
+        shown(variable.name, variable.unit, row).drawn
+        for variable, row in zip(variables, values, strict=True)
     ]
 
 

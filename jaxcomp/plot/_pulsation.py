@@ -12,27 +12,27 @@ from . import _style as style
 _DRAWN = 20
 
 
-def pulsation_figures(found: dict[str, Any]) -> dict[str, Figure]:
+def pulsation_figures(pulsation: dict[str, Any]) -> dict[str, Figure]:
     """Pictures of `jaxcomp pulsation`, by name.
 
     Args:
-        found: what the command prints.
+        pulsation: what the command prints.
     """
-    figures = {"resonances": resonance_map(found)}
-    if "solved" in found:
-        figures["spectra"] = spectra(found["solved"])
+    figures = {"resonances": resonance_map(pulsation)}
+    if "solved" in pulsation:
+        figures["spectra"] = spectra(pulsation["solved"])
     return figures
 
 
-def resonance_map(found: dict[str, Any]) -> Figure:
+def resonance_map(pulsation: dict[str, Any]) -> Figure:
     """Orders of the crank over its speed, and the frequencies at which pipes ring."""
     figure, ax = style.single((8.0, 5.0), "Resonances of pipes and orders of the crank")
-    rpm = np.array([found["lowest_speed"], found["highest_speed"]]) * RPM
-    for order in range(1, found["orders"] + 1):
+    rpm = np.array([pulsation["lowest_speed"], pulsation["highest_speed"]]) * RPM
+    for order in range(1, pulsation["orders"] + 1):
         ax.plot(rpm, order * rpm / 60, color=style.INK, linewidth=0.8, alpha=0.6)
         ax.annotate(f"{order}", (rpm[1], order * rpm[1] / 60), fontsize=8, color=style.INK)
     named = set()
-    for resonance in found["resonances"]:
+    for resonance in pulsation["resonances"]:
         line = resonance["line"]
         tint = style.tint(0 if line == "suction" else 1)
         label = None if line in named else line
@@ -40,7 +40,7 @@ def resonance_map(found: dict[str, Any]) -> Figure:
         ax.axhline(resonance["frequency"], color=tint, linewidth=1.5, label=label)
         for crossing in resonance["crossings"]:
             ax.plot(crossing["speed"] * RPM, resonance["frequency"], "o", color=tint, markersize=5)
-    ax.axvline(found["speed"] * RPM, color=style.INK, linestyle=":", linewidth=1)
+    ax.axvline(pulsation["speed"] * RPM, color=style.INK, linestyle=":", linewidth=1)
     ax.set(xlabel="Speed, rpm", ylabel="Frequency, Hz")
     ax.set_xlim(rpm[0], rpm[1] + 0.04 * (rpm[1] - rpm[0]))
     if named:
@@ -56,12 +56,14 @@ def spectra(solved: dict[str, Any]) -> Figure:
         sizes = np.array(solved["spectra"][node][:_DRAWN])
         orders = np.arange(1, sizes.size + 1)
         ax.bar(orders, 2 * sizes, color=style.tint(0), width=0.6)
-        limits = [one for one in solved["limits"] if one["place"] == node and one["order"]]
+        limits = [limit for limit in solved["limits"] if limit["place"] == node and limit["order"]]
         if limits:
-            place = [one["order"] for one in limits]
-            scale = [2 * sizes[one["order"] - 1] / max(one["value"], 1e-12) for one in limits]
-            allowed = [one["allowed"] * s for one, s in zip(limits, scale, strict=True)]
-            ax.plot(place, allowed, "_", color=style.INK, markersize=12)
+            orders = np.array([limit["order"] for limit in limits])
+            values = np.array([limit["value"] for limit in limits])
+            allowed = np.array([limit["allowed"] for limit in limits])
+            # in the unit of the bars, whichever the limits have
+            scale = 2 * sizes[orders - 1] / np.maximum(values, 1e-12)
+            ax.plot(orders, allowed * scale, "_", color=style.INK, markersize=12)
         ax.set_ylabel(f"{node}, Pa")
     np.atleast_1d(axes)[-1].set_xlabel("Order (bars: peak to peak; marks: limit of API 618)")
     return figure

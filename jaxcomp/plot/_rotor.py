@@ -1,5 +1,6 @@
 """Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -37,7 +38,7 @@ def rotor_drawing(model: RotorModel) -> Figure:
     bodies = list(model.bodies)
     figure, ax = style.single((8.6, 3.4 + 0.7 * len(bodies)), "Rotor, bodies and links")
     height = _draw_shafts(ax, model, places)
-    rows: dict[Any, float] = {node: 0.0 for s in model.shafts for pair in s.pairs for node in pair}
+    rows: dict[Any, float] = dict.fromkeys(shaft_nodes(model), 0.0)
     step = 1.1 * height
     for number, body in enumerate(bodies):
         row = -(1.6 * height + number * step)
@@ -54,7 +55,8 @@ def rotor_drawing(model: RotorModel) -> Figure:
         ax.plot([z.min(), z.max()], [ground, ground], color=style.INK, linewidth=1)
         ax.text(z.min(), ground, "ground ", ha="right", va="center", fontsize=8.5, color=style.INK)
     pairs = [(link.nodes, "#D55E00", "-") for link in model.links]
-    pairs += [(pair, "#0072B2", ":") for pull in model.magnetic_pulls for pair in pull.nodes]
+    pulls = itertools.chain.from_iterable(pull.nodes for pull in model.magnetic_pulls)
+    pairs += [(pair, "#0072B2", ":") for pair in pulls]
     for (a, b), paint, dash in pairs:
         z = places[a][2] * 1e3
         ends = rows.get(a, 0.0), ground if b is None else rows.get(b, 0.0)
@@ -79,23 +81,32 @@ def rotor_drawing(model: RotorModel) -> Figure:
     return figure
 
 
-def rotor_modes_figures(found: RotorModes) -> dict[str, Figure]:
+def shaft_nodes(model: RotorModel) -> list[Any]:
+    """Nodes of the shafts, element by element, so that most are there twice."""
+    nodes = []
+    for shaft in model.shafts:
+        for pair in shaft.pairs:
+            nodes += pair
+    return nodes
+
+
+def rotor_modes_figures(rotor_modes: RotorModes) -> dict[str, Figure]:
     """The rotor, its mode shapes and its Campbell diagram, by name."""
-    figures = {"rotor": rotor_drawing(found.model), "modes": mode_shapes(found)}
-    if found.campbell is not None:
-        figures["campbell"] = campbell_diagram(found.campbell)
+    figures = {"rotor": rotor_drawing(rotor_modes.model), "modes": mode_shapes(rotor_modes)}
+    if rotor_modes.campbell is not None:
+        figures["campbell"] = campbell_diagram(rotor_modes.campbell)
     return figures
 
 
-def rotor_motion_figures(found: RotorMotion) -> dict[str, Figure]:
+def rotor_motion_figures(rotor_motion: RotorMotion) -> dict[str, Figure]:
     """The rotor, its deflection, the orbits of watched nodes and curves over the speed, by name."""
     figures = {
-        "rotor": rotor_drawing(found.model),
-        "shape": deflection_shape(found.model, found.response),
-        "orbits": response_orbits(found),
+        "rotor": rotor_drawing(rotor_motion.model),
+        "shape": deflection_shape(rotor_motion.model, rotor_motion.response),
+        "orbits": response_orbits(rotor_motion),
     }
-    if found.curves is not None:
-        figures["curves"] = response_curves(found)
+    if rotor_motion.curves is not None:
+        figures["curves"] = response_curves(rotor_motion)
     return figures
 
 
@@ -137,20 +148,20 @@ def response_curves(found: RotorMotion | Response, nodes: Sequence[str | int] = 
 def _curves_of(response: Response, nodes: Sequence[str]) -> MotionOverSpeed:
     x = np.asarray(response.displacement)
     if x.ndim != 4:
-        given = f"with {x.ndim - 2} axes"
-        raise BadInput("response", given, "over orders and speeds, as of `respond`")
+        extent = f"with {x.ndim - 2} axes"
+        raise BadInput("response", extent, "over orders and speeds, as of `respond`")
     size = np.asarray(orbit(response.displacement[..., 0], response.displacement[..., 1]).major)
     size = np.where(np.asarray(response.ok)[..., None], size, np.nan)
-    known = list(response.nodes) or [str(number) for number in range(x.shape[-2])]
-    missing = [node for node in nodes if node not in known]
+    names = list(response.nodes) or [str(number) for number in range(x.shape[-2])]
+    missing = [node for node in nodes if node not in names]
     if missing:
-        raise BadInput("nodes", missing[0], one_of(missing[0], known))
-    most = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[:_CURVES]
-    shown = nodes or [known[i] for i in sorted(most)]
+        raise BadInput("nodes", missing[0], one_of(missing[0], names))
+    largest = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[:_CURVES]
+    shown = nodes or [names[i] for i in sorted(largest)]
     spin = np.asarray(response.spin_speed)[0]
     ratio = np.asarray(response.frequency)[:, -1] / spin[-1]
     orders = np.round(ratio).astype(int).tolist()
-    return MotionOverSpeed(orders, spin, {name: size[..., known.index(name)] for name in shown})
+    return MotionOverSpeed(orders, spin, {name: size[..., names.index(name)] for name in shown})
 
 
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
@@ -169,13 +180,13 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     return figure
 
 
-def mode_shapes(found: RotorModes) -> Figure:
+def mode_shapes(rotor_modes: RotorModes) -> Figure:
     """The first modes at the first speed along z, x-plane and y-plane."""
-    model = found.model
-    modes = found.modes[0]
+    model = rotor_modes.model
+    modes = rotor_modes.modes[0]
     real = np.flatnonzero(np.isfinite(np.asarray(modes.eigenvalue)))[:6]
     rows = max(1, -(-len(real) // 2))
-    title = "Mode shapes without links" if found.free else "Mode shapes"
+    title = "Mode shapes without links" if rotor_modes.free else "Mode shapes"
     figure, axes = style.new_figure(rows, 2, (8.6, 1.4 + 1.9 * rows), title)
     for ax, i in zip(style.used(axes, len(real)), real, strict=True):
         shape = np.asarray(modes.shape)[i]
@@ -192,15 +203,15 @@ def mode_shapes(found: RotorModes) -> Figure:
     return figure
 
 
-def response_orbits(found: RotorMotion) -> Figure:
+def response_orbits(rotor_motion: RotorMotion) -> Figure:
     """Orbits of the watched nodes at the first speed, order by order; a dot marks time zero."""
-    nodes = dict(list(found.motion.items())[:12])
+    nodes = dict(list(rotor_motion.motion.items())[:12])
     rows, columns = style.grid_of(len(nodes), 4)
-    title = f"Orbits at {found.speeds[0] * RPM:.5g} rpm, µm"
+    title = f"Orbits at {rotor_motion.speeds[0] * RPM:.5g} rpm, µm"
     figure, axes = style.new_figure(rows, columns, (2.2 * columns + 0.6, 2.3 * rows + 0.8), title)
     turn = np.linspace(0, 2 * np.pi, 181)
     for ax, (name, motion) in zip(style.used(axes, len(nodes)), nodes.items(), strict=True):
-        for n, order in enumerate(found.orders[:3]):
+        for n, order in enumerate(rotor_motion.orders[:3]):
             x, y = (1e6 * abs(z) * np.cos(turn + np.angle(z)) for z in motion[n, 0, :2])
             ax.plot(x, y, color=style.tint(n), linewidth=1.4, label=f"order {order}")
             ax.plot(x[0], y[0], "o", color=style.tint(n), markersize=3.5)
@@ -227,16 +238,12 @@ def _highest_shown(hertz: np.ndarray, spin: float) -> float:
         hertz: [Hz] (speeds, modes) frequencies of modes that a response could show, others not numbers.
         spin: [Hz] the highest speed.
     """
-    known = [
-        float(np.max(column[np.isfinite(column)]))
-        for column in hertz.T
-        if np.isfinite(column).any()
-    ]
-    if not known:
+    present = hertz[:, np.isfinite(hertz).any(axis=0)]
+    if not present.size:
         return 1.3 * 2 * spin
-    known.sort()
-    some = 1.15 * known[:_SHOWN][-1]
-    every = max(1.15 * known[-1], 1.15 * spin)
+    highest = np.sort(np.where(np.isfinite(present), present, -np.inf).max(axis=0)).tolist()
+    some = 1.15 * highest[:_SHOWN][-1]
+    every = max(1.15 * highest[-1], 1.15 * spin)
     return min(max(1.3 * 2 * spin, some), every)
 
 
@@ -263,7 +270,9 @@ def campbell_diagram(
     hertz = hertz / (2 * np.pi)
     strong = damping > _STRONG
     top = _highest_shown(np.where(strong, np.nan, hertz), rpm[-1] / 60)
-    above = int(np.sum(np.nanmin(hertz, axis=0) > top)) if np.isfinite(hertz).any() else 0
+    above = 0
+    if np.isfinite(hertz).any():
+        above = int(np.sum(np.nanmin(hertz, axis=0) > top))
     title = f"Campbell diagram; {above} modes lie above" if above else "Campbell diagram"
     figure, ax = style.single((7.2, 4.8), title)
     grid = np.broadcast_to(rpm[:, None], hertz.shape)
@@ -325,7 +334,8 @@ def first_motion(response: Response) -> np.ndarray:
 
 def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
     """Real part of x (nodes, planes) at the phase of the largest, each subset along z."""
-    places, names = node_positions(model), list(node_names(model))
+    places = node_positions(model)
+    names = list(node_names(model))
     largest = x[:, : len(axes)].reshape(-1)
     turn = np.exp(-1j * np.angle(largest[np.argmax(np.abs(largest))]))
     groups = zip(subset_names(model), subsets(model), strict=True)

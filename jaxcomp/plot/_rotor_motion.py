@@ -16,7 +16,7 @@ from ..rotor import Response, RotorModel
 from ..rotor.interface import node_names, node_positions, subset_names, subsets
 from . import _style as style
 from ._animate import Motion
-from ._rotor import first_motion
+from ._rotor import first_motion, shaft_nodes
 
 # Share of the machine's height that the largest motion before balancing takes in the picture.
 _SHARE = 0.15
@@ -47,11 +47,15 @@ def balance_motion(
     for ax, motion, size, word in zip(axes[0], moved, largest, ("Before", "After"), strict=True):
         style.heading(ax, f"{word}: at most {1e3 * size:.3g} µm")
         outlines = _outlines(model, at, motion)
-        for one in outlines:
-            ax.plot(one.x, one.z, "-", color="#CCCCCC", linewidth=1.2, zorder=1)
-            look = {"color": style.tint(one.number), "label": subset_names(model)[one.number]}
-            lines.append((ax.plot([], [], "-", linewidth=2.2, **look)[0], one))
-        x, z = (np.concatenate([getattr(one, key) for one in outlines]) for key in "xz")
+        for outline in outlines:
+            ax.plot(outline.x, outline.z, "-", color="#CCCCCC", linewidth=1.2, zorder=1)
+            look = {
+                "color": style.tint(outline.number),
+                "label": subset_names(model)[outline.number],
+            }
+            lines.append((ax.plot([], [], "-", linewidth=2.2, **look)[0], outline))
+        x = np.concatenate([outline.x for outline in outlines])
+        z = np.concatenate([outline.z for outline in outlines])
         room = 1.2 * _SHARE * np.ptp(z)
         ax.set(xlim=(x.min() - room, x.max() + room), xlabel="x, mm", ylabel="z, mm")
         ax.set_ylim(z.max() + room / 2, z.min() - room / 2)  # z runs downwards
@@ -60,8 +64,8 @@ def balance_motion(
 
     def show(frame: int) -> None:
         turned = np.exp(2j * np.pi * frame / frames)
-        for line, one in lines:
-            line.set_data(one.x + 1e3 * factor * (one.motion * turned).real, one.z)
+        for line, outline in lines:
+            line.set_data(outline.x + 1e3 * factor * (outline.motion * turned).real, outline.z)
 
     show(0)
     return Motion(figure, show, frames)
@@ -85,7 +89,7 @@ class Outline(NamedTuple):
 def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Outline]:
     """Boxes around the bodies, the longest one around the others, and the shafts in front."""
     names = list(node_names(model))
-    on_shafts = {node for shaft in model.shafts for pair in shaft.pairs for node in pair}
+    on_shafts = set(shaft_nodes(model))
     boxes = []
     shafts = []
     for number, group in enumerate(subsets(model)):
@@ -97,16 +101,16 @@ def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Out
             shafts.append(Outline(number, at[line, 0], at[line, 2], motion[line]))
     boxes.sort(key=lambda box: np.ptp(at[box[1], 2]))
     step = 0.08 * np.ptp(at[:, 2])
-    left = 0.0
-    right = 0.0
+    x_low = 0.0
+    x_high = 0.0
     for number, members in boxes:
         x, y, z = at[members].T
-        left = min(left - step, x.min())
-        right = max(right + step, x.max())
+        x_low = min(x_low - step, x.min())
+        x_high = max(x_high + step, x.max())
         # of a rigid body u_x is linear in y and z, so that its nodes tell the motion of the corners
         terms = np.stack([np.ones(len(members)), y, z], axis=1)
         fit = np.linalg.lstsq(terms, motion[members], rcond=None)[0]
         z = np.array([z.min(), z.min(), z.max(), z.max(), z.min()])
-        x = np.array([left, right, right, left, left])
+        x = np.array([x_low, x_high, x_high, x_low, x_low])
         shafts.insert(0, Outline(number, x, z, fit[0] + fit[2] * z))
     return shafts

@@ -98,7 +98,7 @@ def stacked(rows: int, size: tuple[float, float], title: str):
     return figure, axes[:, 0]
 
 
-def beside(columns: int, size: tuple[float, float], title: str):
+def abreast(columns: int, size: tuple[float, float], title: str):
     """A figure with axes beside each other, each with its own abscissa."""
     figure, axes = new_figure(1, columns, size, title, share=False)
     return figure, axes[0]
@@ -165,7 +165,7 @@ def turn_curves(
     *,
     looks: Mapping[str, Mapping[str, Any]] = {},
     zero: bool = True,
-    last: bool = True,
+    angle_label: bool = True,
     **look: Any,
 ) -> None:
     """Curves over the crank angle, each in the colour of its joint or torque.
@@ -177,21 +177,25 @@ def turn_curves(
         ylabel: of the ordinate.
         looks: of single lines, by name.
         zero: draw a line at zero.
-        last: the abscissa has its label here.
+        angle_label: the abscissa has its label here.
         look: of all lines.
     """
     drawn = []
     for place, (name, values) in enumerate(curves.items()):
         usual = {"color": colour(name, place), "linewidth": 1.5, "label": words(name)}
-        own = usual | look | looks.get(name, {})
+        line_look = usual | look | looks.get(name, {})
         # a colour that comes again is dashed, then dotted
-        dash = ("-", "--", ":", "-.")[drawn.count(own["color"]) % 4] if own["color"] else "-"
-        drawn.append(own["color"])
-        ax.plot(*over_turn(angle, values), dash, **own)
+        dash = (
+            ("-", "--", ":", "-.")[drawn.count(line_look["color"]) % 4]
+            if line_look["color"]
+            else "-"
+        )
+        drawn.append(line_look["color"])
+        ax.plot(*over_turn(angle, values), dash, **line_look)
     if zero:
         zero_line(ax)
     ax.set_ylabel(ylabel)
-    crank_axis(ax, last)
+    crank_axis(ax, angle_label)
 
 
 def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
@@ -284,21 +288,21 @@ _HALF_TEXT = (0.17, 0.06)
 _TEXT_ROOM = 0.02
 
 
-def free_place(ax: Axes, wanted: tuple[float, float]) -> tuple[float, float]:
+def free_place(ax: Axes, target: tuple[float, float]) -> tuple[float, float]:
     """The place of a short text that covers no line, near to where it is wanted, as parts of the axes.
 
     Args:
         ax: with its lines and its limits.
-        wanted: the middle of the text.
+        target: the middle of the text.
     """
     lines = [line.get_transform().transform(line.get_xydata()) for line in ax.lines]
     drawn = ax.transAxes.inverted().transform(np.concatenate(lines))
     starts = drawn[:-1]
     steps = np.diff(drawn, axis=0)
     drawn = np.concatenate([starts + k / 16 * steps for k in range(17)])
-    across, up = np.meshgrid(np.linspace(0.2, 0.8, 25), np.linspace(0.1, 0.75, 27))
-    places = np.stack([across.ravel(), up.ravel()], axis=-1)
-    nearest = np.argsort(np.hypot(*(places - wanted).T))
+    right, up = np.meshgrid(np.linspace(0.2, 0.8, 25), np.linspace(0.1, 0.75, 27))
+    places = np.stack([right.ravel(), up.ravel()], axis=-1)
+    nearest = np.argsort(np.hypot(*(places - target).T))
     gaps = []
     for place in places[nearest]:
         beyond = np.maximum(np.abs(drawn - place) - _HALF_TEXT, 0)
@@ -378,28 +382,29 @@ def legend_above(ax: Axes) -> None:
     if place is None or place.is_last_col():
         room = ax.figure.bbox.width - box.x0
 
-    def made(ncols: int) -> Legend:
+    def with_columns(ncols: int) -> Legend:
         return legend(ax, ncols=ncols, loc="lower left", bbox_to_anchor=(0, 1.0), borderaxespad=0.2)
 
-    _widest(made, 5, room)
+    _widest(with_columns, 5, room)
 
 
 def legend_outside(ax: Axes, loc: str, ncols: int) -> None:
     """A legend of these axes at the edge of the figure."""
-    figure, handles = ax.figure, ax.get_legend_handles_labels()
+    figure = ax.figure
+    handles = ax.get_legend_handles_labels()
     look = {"loc": f"outside {loc}", "frameon": False, "fontsize": 8.5}
 
-    def made(ncols: int) -> Legend:
+    def with_columns(ncols: int) -> Legend:
         for before in figure.legends[:]:
             before.remove()
         return figure.legend(*handles, ncols=ncols, **look)
 
-    _widest(made, ncols, 0.98 * figure.bbox.width)
+    _widest(with_columns, ncols, 0.98 * figure.bbox.width)
 
 
-def _widest(made: Callable[[int], Legend], ncols: int, room: float) -> None:
+def _widest(with_columns: Callable[[int], Legend], ncols: int, room: float) -> None:
     """Make the legend with the most columns, up to a number, that is no wider than its room [px]."""
-    while made(ncols).get_window_extent().width > room and ncols > 1:
+    while with_columns(ncols).get_window_extent().width > room and ncols > 1:
         ncols -= 1
 
 

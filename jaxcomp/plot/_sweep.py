@@ -26,48 +26,48 @@ _CLOUD = 20_000
 _CURVES = 12
 
 
-def sweep_figures(found: "xarray.Dataset", title: str) -> dict[str, Figure]:
+def sweep_figures(dataset: "xarray.Dataset", title: str) -> dict[str, Figure]:
     """All pictures of a sweep, by name.
 
     Args:
-        found: of `sweep`.
+        dataset: of `sweep`.
         title: what was swept.
     """
     figures = {}
-    for name in quantity_names(found):
-        dims = found[name].dims
-        words = f"{title}: {_drawn(found, name).words.lower()}"
+    for name in quantity_names(dataset):
+        dims = dataset[name].dims
+        words = f"{title}: {_drawn(dataset, name).words.lower()}"
         if dims == ("sample",):
-            figures[f"samples-{name}"] = sample_cloud(found, name, words)
+            figures[f"samples-{name}"] = sample_cloud(dataset, name, words)
         elif len(dims) == 1:
-            figures[f"curve-{name}"] = sweep_curves(found, name, words)
+            figures[f"curve-{name}"] = sweep_curves(dataset, name, words)
         else:
-            figures[f"map-{name}"] = sweep_map(found, name, words)
-            figures[f"curves-{name}"] = sweep_curves(found, name, words)
-            if len(dims) == 2 and _judged(found, name):
-                figures[f"optimum-{name}"] = optimum_curve(found, name, words)
+            figures[f"map-{name}"] = sweep_map(dataset, name, words)
+            figures[f"curves-{name}"] = sweep_curves(dataset, name, words)
+            if len(dims) == 2 and _judged(dataset, name):
+                figures[f"optimum-{name}"] = optimum_curve(dataset, name, words)
     return figures
 
 
-def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
+def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
     """Every quantity of several machines beside each other, then the pictures of each by itself.
 
     Beside each other are all designs of each, and their middle.
 
     Args:
-        found: of `sweep_machines`.
+        dataset: of `sweep_machines`.
         title: what was swept.
         dimension: along which the machines stand.
     """
-    machines = [str(one) for one in found[dimension].values]
+    machines = list(map(str, dataset[dimension].values))
     figures = {}
-    for name in quantity_names(found):
-        look = _drawn(found, name)
+    for name in quantity_names(dataset):
+        look = _drawn(dataset, name)
         heading = f"{title}: {look.words.lower()}"
         figure, ax = style.single((7.2, 4.2), heading)
-        values = found[name].transpose(dimension, ...).values.reshape(len(machines), -1)
-        for place, own in enumerate(look.of(values)):
-            good = own[np.isfinite(own)]
+        values = dataset[name].transpose(dimension, ...).values.reshape(len(machines), -1)
+        for place, designs in enumerate(look.of(values)):
+            good = designs[np.isfinite(designs)]
             # as wide as a bar, in the order of the designs
             wide = np.linspace(-0.3, 0.3, good.size) if good.size > 1 else 0 * good
             ax.plot(place + wide, good, "o", color=_CURVE, markersize=3.5)
@@ -76,10 +76,10 @@ def machine_figures(found: "xarray.Dataset", title: str, dimension: str) -> dict
         ax.set_xticks(range(len(machines)), machines)
         ax.set_ylabel(look.label)
         figures[f"machines-{name}"] = figure
-    for machine, part in machine_parts(found, dimension).items():
+    for machine, part in machine_parts(dataset, dimension).items():
         if part["ok"].dims:
-            own = sweep_figures(part, f"{title}, {machine}")
-            figures |= {f"{machine}-{name}": one for name, one in own.items()}
+            for name, figure in sweep_figures(part, f"{title}, {machine}").items():
+                figures[f"{machine}-{name}"] = figure
     return figures
 
 
@@ -94,12 +94,13 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
         title: of the picture.
     """
     found, at = _sliced(found, name, 2)
-    along, across = found[name].dims
-    y, x, z = (_drawn(found, n) for n in (along, across, name))
+    ordinate, abscissa = found[name].dims
+    y, x, z = (_drawn(found, n) for n in (ordinate, abscissa, name))
     values = np.ma.masked_invalid(z.of(np.asarray(found[name])))
     figure, ax = style.single((7.2, 5.0), f"{title}{at}")
     ax.grid(False)
-    px, py = x.of(np.asarray(found[across])), y.of(np.asarray(found[along]))
+    px = x.of(np.asarray(found[abscissa]))
+    py = y.of(np.asarray(found[ordinate]))
     right = np.argsort(px)
     up = np.argsort(py)
     values = values[np.ix_(up, right)]
@@ -120,12 +121,12 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     if _judged(found, name):
         top = best_curve(found, name)
         order = np.argsort(top.across)
-        inner = np.where(_inside(top.along, found[along]), top.between, np.nan)[order]
+        inner = np.where(_inside(top.along, found[ordinate]), top.between, np.nan)[order]
         words = f"best {y.words.lower()}"
         ax.plot(px, y.of(inner), color=_BEST, linewidth=2.0, label=words)
         best = best_design(found, name)
         if best is not None:
-            place = x.of(best[across]), y.of(best[along])
+            place = x.of(best[abscissa]), y.of(best[ordinate])
             ax.plot(*place, "o", color=_BEST, markeredgecolor="white", markersize=7,
                     clip_on=False, label=f"best of all, {z.text(best[name], 4)}")  # fmt: skip
     ax.set(xlabel=x.label, ylabel=y.label)
@@ -134,63 +135,64 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-def sweep_curves(found: "xarray.Dataset", name: str, title: str) -> Figure:
+def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity over the first variable, with a curve for each value of the second.
 
     Best designs are marked. Further variables are as in `sweep_map`.
 
     Args:
-        found: data set of `sweep`.
+        dataset: data set of `sweep`.
         name: of the quantity.
         title: of the picture.
     """
-    found, at = _sliced(found, name, 2)
-    dims = found[name].dims
-    x, y = (_drawn(found, n) for n in (dims[0], name))
-    values = y.of(np.asarray(found[name]).reshape(found.sizes[dims[0]], -1))
-    px = x.of(np.asarray(found[dims[0]]))
+    dataset, at = _sliced(dataset, name, 2)
+    dims = dataset[name].dims
+    x, y = (_drawn(dataset, n) for n in (dims[0], name))
+    values = y.of(np.asarray(dataset[name]).reshape(dataset.sizes[dims[0]], -1))
+    px = x.of(np.asarray(dataset[dims[0]]))
     order = np.argsort(px)
     px = px[order]
     values = values[order]
     figure, ax = style.single((7.2, 4.4), f"{title}{at}")
     count = values.shape[1]
-    judged = _judged(found, name)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
-    tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(chosen)))
-    second = _drawn(found, dims[1]) if len(dims) == 2 else None
-    sign = -1.0 if found[name].attrs.get("better") == "less" else 1.0
-    for tint, column in zip(tints, chosen, strict=True):
-        label = None if second is None else second.text(float(found[dims[1]][column]), 4)
+    judged = _judged(dataset, name)
+    columns = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
+    tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(columns)))
+    second = _drawn(dataset, dims[1]) if len(dims) == 2 else None
+    sign = -1.0 if dataset[name].attrs.get("better") == "less" else 1.0
+    for tint, column in zip(tints, columns, strict=True):
+        label = None if second is None else second.text(float(dataset[dims[1]][column]), 4)
         curve = values[:, column]
-        known = np.isfinite(curve).sum()
-        ax.plot(px, curve, "o-" if known <= 40 else "-", color=tint, linewidth=1.5, markersize=2.5,
+        points = np.isfinite(curve).sum()
+        ax.plot(px, curve, "o-" if points <= 40 else "-", color=tint, linewidth=1.5, markersize=2.5,
                 label=label)  # fmt: skip
-        if judged and known:
+        if judged and points:
             top = np.nanargmax(sign * curve)
             ax.plot(px[top], curve[top], "o", color=_BEST, markersize=5.5, zorder=3)
-    ax.set(xlabel=x.label, ylabel=y.label + (" (the best is marked)" if judged else ""))
+    ylabel = f"{y.label} (the best is marked)" if judged else y.label
+    ax.set(xlabel=x.label, ylabel=ylabel)
     if second is not None:
         style.legend(ax, fontsize=8, title=second.words, title_fontsize=8.5, loc="center left",
                      bbox_to_anchor=(1.0, 0.5))  # fmt: skip
     return figure
 
 
-def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
+def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The best value of the first variable over the second, and what it reaches.
 
     Args:
-        found: data set of `sweep`.
+        dataset: data set of `sweep`.
         name: of the quantity.
         title: of the picture.
     """
-    along, across = found[name].dims
-    top = best_curve(found, name)
-    x, y, z = (_drawn(found, n) for n in (across, along, name))
+    ordinate, abscissa = dataset[name].dims
+    top = best_curve(dataset, name)
+    x, y, z = (_drawn(dataset, n) for n in (abscissa, ordinate, name))
     figure, (above, below) = style.stacked(2, (7.2, 5.4), title)
     order = np.argsort(top.across)
     px = x.of(top.across[order])
     value = z.of(top.value[order])
-    inner = _inside(top.along, found[along])[order]
+    inner = _inside(top.along, dataset[ordinate])[order]
     best = y.of(top.along[order])
     between = y.of(top.between[order])
     above.plot(px, np.where(inner, between, np.nan), color=_CURVE, linewidth=1.6,
@@ -206,23 +208,23 @@ def optimum_curve(found: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
+def sample_cloud(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The distribution of a quantity, and the quantity over each variable.
 
     Args:
-        found: data set of `sweep`.
+        dataset: data set of `sweep`.
         name: of the quantity.
         title: of the picture.
     """
-    variables = [str(n) for n in found.coords if n != "sample"]
-    y = _drawn(found, name)
-    every = -(-found.sizes["sample"] // _CLOUD)
-    values = y.of(np.asarray(found[name]))
+    variables = [str(n) for n in dataset.coords if n != "sample"]
+    y = _drawn(dataset, name)
+    every = -(-dataset.sizes["sample"] // _CLOUD)
+    values = y.of(np.asarray(dataset[name]))
     good = values[np.isfinite(values)]
     rows, columns = style.grid_of(len(variables) + 1, 3)
     size = (3.4 * columns, 3.1 * rows)
     figure, axes = style.new_figure(rows, columns, size, title, share=False)
-    first, *others = style.used(axes, len(variables) + 1)
+    first, *clouds = style.used(axes, len(variables) + 1)
     if good.size:
         count = min(80, max(10, round(good.size**0.5)))
         first.hist(good, bins=style.bars(good, count), color=_CURVE)
@@ -231,9 +233,9 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
             first.axvline(level, color=_BEST, linestyle=dash, linewidth=1.2)
         style.heading(first, f"median {middle:.5g}, 5 to 95 %: {low:.5g} to {high:.5g}", 8)
     first.set(xlabel=y.label, ylabel="Designs")
-    for ax, variable in zip(others, variables, strict=True):
-        x = _drawn(found, variable)
-        px = x.of(np.asarray(found[variable][::every]))
+    for ax, variable in zip(clouds, variables, strict=True):
+        x = _drawn(dataset, variable)
+        px = x.of(np.asarray(dataset[variable][::every]))
         size = 2.5 if px.size > 2000 else 5
         ax.scatter(px, values[::every], s=size, color=_CURVE, alpha=0.5, linewidths=0,
                    rasterized=True)  # fmt: skip
@@ -241,30 +243,30 @@ def sample_cloud(found: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-def _drawn(found, name: str) -> Shown:
+def _drawn(dataset, name: str) -> Shown:
     """Format in which a variable or quantity of a sweep is drawn."""
-    return shown_column(found, name).drawn
+    return shown_column(dataset, name).drawn
 
 
-def _judged(found, name) -> bool:
-    return bool(found[name].attrs.get("better")) and bool(np.isfinite(found[name]).any())
+def _judged(dataset, name) -> bool:
+    return bool(dataset[name].attrs.get("better")) and bool(np.isfinite(dataset[name]).any())
 
 
 def _inside(values, tried):
     return (values > float(tried.min())) & (values < float(tried.max()))
 
 
-def _sliced(found, name, keep):
+def _sliced(dataset, name, keep):
     """The dataset at one value of every variable after the first ones, and words on where."""
-    rest = found[name].dims[keep:]
-    if not rest:
-        return found, ""
-    best = best_design(found, name) if _judged(found, name) else None
+    further = dataset[name].dims[keep:]
+    if not further:
+        return dataset, ""
+    best = best_design(dataset, name) if _judged(dataset, name) else None
     at = {}
     words = []
-    for dim in rest:
-        values = np.asarray(found[dim])
+    for dim in further:
+        values = np.asarray(dataset[dim])
         at[dim] = values.size // 2 if best is None else int(np.argmin(abs(values - best[dim])))
-        look = _drawn(found, dim)
+        look = _drawn(dataset, dim)
         words.append(f"{look.words.lower()} {look.text(float(values[at[dim]]), 4)}")
-    return found.isel(at), f", at {', '.join(words)}"
+    return dataset.isel(at), f", at {', '.join(words)}"

@@ -70,15 +70,14 @@ def transient_gas_figure(transient: Transient, name: str, power_off: float | Non
         raise ValueError("a picture of the gas needs cylinders with valves.")
     several = gas.pressure.ndim > 1
     angle = np.asarray(transient.state.angle)
-    last = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
-    time = np.asarray(transient.time)[last]
+    at_end = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
+    time = np.asarray(transient.time)[at_end]
     figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
     for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e6, 1):
-        close.plot(time, course[last], linewidth=1.2, label=f"Cylinder {number}")
-    for valve, lift in zip(
-        ("Suction", "Discharge"), gas.lift[0] if several else gas.lift, strict=True
-    ):
-        lifts.plot(time, 1e3 * np.asarray(lift)[last], linewidth=1.2, label=valve)
+        close.plot(time, course[at_end], linewidth=1.2, label=f"Cylinder {number}")
+    of_first = gas.lift[0] if several else gas.lift
+    for valve, lift in zip(("Suction", "Discharge"), of_first, strict=True):
+        lifts.plot(time, 1e3 * np.asarray(lift)[at_end], linewidth=1.2, label=valve)
     close.set_ylabel("Pressure, MPa")
     label = "Lift of the first cylinder, mm" if several else "Lift, mm"
     lifts.set(xlabel="Time, s", ylabel=label)

@@ -39,22 +39,24 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     turn = fine_turn(compressor, orbit)
     force, moment = (np.asarray(x) for x in _wrench(compressor, turn.state))
     look = shown("force", "N", force)
-    along, across = look.factor * force[:2]
-    figure, (left, right) = style.beside(2, (8.6, 4.0), "Shaking force and moments")
-    left.plot(along, across, color=style.TINTS[0], linewidth=1.6)
-    style.crank_marks(left, np.rad2deg(np.asarray(turn.state.angle)), along, across, style.TINTS[0])
-    style.zero_line(left)
-    left.axvline(0, color=style.GREY, linewidth=0.8)
-    left.set_aspect("equal", adjustable="datalim")
-    left.set_xlabel(f"Force along x, {look.unit} ")
-    left.set_ylabel(f"Force along y, {look.unit}")
+    force_x, force_y = look.factor * force[:2]
+    figure, (locus, moments) = style.abreast(2, (8.6, 4.0), "Shaking force and moments")
+    locus.plot(force_x, force_y, color=style.TINTS[0], linewidth=1.6)
+    style.crank_marks(
+        locus, np.rad2deg(np.asarray(turn.state.angle)), force_x, force_y, style.TINTS[0]
+    )
+    style.zero_line(locus)
+    locus.axvline(0, color=style.GREY, linewidth=0.8)
+    locus.set_aspect("equal", adjustable="datalim")
+    locus.set_xlabel(f"Force along x, {look.unit} ")
+    locus.set_ylabel(f"Force along y, {look.unit}")
     axes = axes_words(compressor.crankshaft.bank_angle)
     style.note(figure, f"Dots: every 45° of crank angle from top dead centre. {axes}")
     about = {name: row for name, row in zip("xyz", moment, strict=True) if np.any(row)}
     looks = {name: {"label": f"about {name}"} for name in about}
-    style.turn_curves(right, turn.state.angle, about, "Moment, N m", looks=looks)
-    right.set_xticks(range(-180, 181, 90))
-    style.legend_above(right)
+    style.turn_curves(moments, turn.state.angle, about, "Moment, N m", looks=looks)
+    moments.set_xticks(range(-180, 181, 90))
+    style.legend_above(moments)
     return figure
 
 
@@ -67,7 +69,7 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     paths, free = _paths(compressor, orbit, suspension, jnp.stack(list(places.values())))
     paths = 1e6 * np.asarray(paths)
     free = 1e6 * np.asarray(free)
-    figure, axes = style.beside(3, (10.4, 4.0), "Vibration of the suspended compressor")
+    figure, axes = style.abreast(3, (10.4, 4.0), "Vibration of the suspended compressor")
     for ax, (a, b) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
         for i, name in enumerate(places):
             tint = _POINTS[i % len(_POINTS)]
@@ -117,7 +119,8 @@ _wrench = eqx.filter_jit(shaking_wrench)
 def _paths(compressor, orbit, suspension, points):
     load = orbit_load(compressor, orbit, suspension, _HARMONICS)
     time = jnp.linspace(0.0, 1.0, _INSTANTS) * orbit.period
-    response, free = block_response(suspension, load), free_body_response(suspension, load)
+    response = block_response(suspension, load)
+    free = free_body_response(suspension, load)
 
     def path(answer: Harmonics, point):
         return point_motion(suspension, answer, point).at(time)
@@ -130,12 +133,12 @@ def _paths(compressor, orbit, suspension, points):
 def _errors(compressor, orbit, suspension, points, factors):
     load = orbit_load(compressor, orbit, suspension, 1)
 
-    def one(factor):
+    def at_factor(factor):
         other = with_scaled_frequencies(suspension, factor)
         errors = jax.vmap(lambda point: free_body_error(other, load, point)[0])(points)
         return errors, undamped_modes(other.rotor, 6).frequency[-1]
 
-    return jax.vmap(one)(factors)
+    return jax.vmap(at_factor)(factors)
 
 
 # ---------------------------------------------------------------- balance

@@ -44,7 +44,7 @@ class Provenance(NamedTuple):
     at: str
 
     @classmethod
-    def now(cls, command: str) -> "Provenance":
+    def of_this_process(cls, command: str) -> "Provenance":
         """Provenance with the libraries of this process, at this moment."""
         versions = {name: version(name) for name in ("jaxcomp", "jax", "jaxlib", "numpy")}
         versions["Python"] = platform.python_version()
@@ -56,7 +56,7 @@ def report(
     tables: Iterable[Any],
     pictures: Mapping[str, Figure | bytes],
     scene: Scene | None,
-    made: Provenance,
+    provenance: Provenance,
 ) -> str:
     """A report as one HTML document that loads nothing else.
 
@@ -65,20 +65,25 @@ def report(
         tables: tables and lines of `rich`; the single numbers of `result` if there are none.
         pictures: figures, or the bytes of a GIF, by name.
         scene: what was worked on; its values are listed with their sources.
-        made: how this came about.
+        provenance: how this came about.
     """
-    name = str(scene.name if scene is not None else result.get("machine", "jaxcomp"))
-    lead = "" if scene is None else f'<p class="lead">{escape(scene.description)}</p>'
+    name = str(result.get("machine", "jaxcomp"))
+    lead = ""
+    sources = ""
+    if scene is not None:
+        name = scene.name
+        lead = f'<p class="lead">{escape(scene.description)}</p>'
+        sources = _section("The machine and its sources", sources_html(scene))
     shown = tables_html(tables) or numbers_html(result)
-    versions = ", ".join(f"{library} {number}" for library, number in made.versions.items())
-    origin = f'<pre class="command">{escape(made.command)}</pre>'
-    origin += f'<p class="faint">{escape(made.at)}, {escape(versions)}</p>'
+    versions = ", ".join(f"{library} {number}" for library, number in provenance.versions.items())
+    origin = f'<pre class="command">{escape(provenance.command)}</pre>'
+    origin += f'<p class="faint">{escape(provenance.at)}, {escape(versions)}</p>'
     parts = [
         f"<header><h1>{escape(name)}</h1>{lead}{origin}</header>",
         _section("Results", shown),
-        _section("Pictures", "".join(picture_html(*pair) for pair in pictures.items())),
+        _section("Pictures", "".join(map(picture_html, pictures, pictures.values()))),
         _checks(checks(result)),
-        "" if scene is None else _section("The machine and its sources", sources_html(scene)),
+        sources,
     ]
     titles = re.findall(r"<h2 id=\"([^\"]*)\">(.*?)</h2>", "".join(parts))
     links = "".join(f'<a href="#{place}">{title}</a>' for place, title in titles)
@@ -92,23 +97,29 @@ def report(
     )
 
 
-def _checks(found: tuple[Check, ...]) -> str:
-    if not found:
+def _checks(results: tuple[Check, ...]) -> str:
+    if not results:
         return ""
-    rows = "".join(
-        f'<tr><td class="{"good" if check.good else "bad"}">{"good" if check.good else "bad"}</td>'
-        f"<td>{escape(check.name)}</td><td>{escape(check.found)}</td>"
-        f'<td class="faint">{escape(check.wanted)}</td></tr>'
-        for check in found
-    )
+    rows = "".join(map(_check_row, results))
     head = "<tr><th></th><th>Check</th><th>Found</th><th>Wanted</th></tr>"
     return _section("Checks", f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>")
 
 
+def _check_row(check: Check) -> str:
+    verdict = "good" if check.good else "bad"
+    return (
+        f'<tr><td class="{verdict}">{verdict}</td>'
+        f"<td>{escape(check.name)}</td><td>{escape(check.answer)}</td>"
+        f'<td class="faint">{escape(check.bound)}</td></tr>'
+    )
+
+
 def _section(title: str, inside: str) -> str:
+    if not inside:
+        return ""
     place = re.sub(r"\W+", "-", title.lower())
     inside = re.sub(r"(?s)<table\b.*?</table>", r'<div class="wide">\g<0></div>', inside)
-    return f'<section><h2 id="{place}">{title}</h2>{inside}</section>\n' if inside else ""
+    return f'<section><h2 id="{place}">{title}</h2>{inside}</section>\n'
 
 
 # ---------------------------------------------------------------- tables of the terminal
@@ -116,10 +127,13 @@ def _section(title: str, inside: str) -> str:
 
 def tables_html(tables: Iterable[Any]) -> str:
     """Tables and lines of text, as the terminal shows them."""
-    return "\n".join(
-        _table(one) if isinstance(one, Table) else f"<p>{rich_html(str(one).strip())}</p>"
-        for one in tables
-    )
+    pieces = []
+    for entry in tables:
+        if isinstance(entry, Table):
+            pieces.append(_table(entry))
+        else:
+            pieces.append(f"<p>{rich_html(str(entry).strip())}</p>")
+    return "\n".join(pieces)
 
 
 def numbers_html(result: Mapping[str, Any]) -> str:
@@ -134,18 +148,21 @@ def numbers_html(result: Mapping[str, Any]) -> str:
 def rich_html(markup: Any) -> str:
     """A text with the markup of the terminal as HTML."""
     text = markup if isinstance(markup, Text) else Text.from_markup(str(markup))
-    cuts = sorted({0, len(text.plain), *(n for s in text.spans for n in (s.start, s.end))})
+    # spans may overlap: between two ends of any of them the look is one
+    cuts = {0, len(text.plain)}
+    for span in text.spans:
+        cuts |= {span.start, span.end}
     out = []
-    for begin, end in pairwise(cuts):
-        words = {
-            word
-            for span in text.spans
-            if span.start <= begin and span.end >= end
-            for word in str(span.style).split()
-        }
+    for begin, end in pairwise(sorted(cuts)):
+        words: set[str] = set()
+        for span in text.spans:
+            if span.start <= begin and span.end >= end:
+                words.update(str(span.style).split())
         classes = " ".join(_CLASSES[word] for word in sorted(words) if word in _CLASSES)
         piece = escape(text.plain[begin:end])
-        out.append(f'<span class="{classes}">{piece}</span>' if classes else piece)
+        if classes:
+            piece = f'<span class="{classes}">{piece}</span>'
+        out.append(piece)
     return "".join(out)
 
 
@@ -154,28 +171,33 @@ def _table(table: Table) -> str:
     title = rich_html(table.title) if table.title else ""
     if not title and table.columns and _names_rows(table.columns[0]):
         # the head of a column of names says what the table is about
-        title, headers[0] = headers[0], ""
-    title = f"<h3>{title}</h3>" if title else ""
-    aligned = [f' class="{column.justify}"' for column in table.columns]
-    heads = [f"<th{side}>{header}</th>" for side, header in zip(aligned, headers, strict=True)]
-    columns = [list(column.cells) for column in table.columns]
-    rooms = [
-        _rooms(cells) if column.justify == "right" else [""] * len(cells)
-        for column, cells in zip(table.columns, columns, strict=True)
-    ]
+        title = headers[0]
+        headers[0] = ""
+    if title:
+        title = f"<h3>{title}</h3>"
+    heads = []
+    columns = []
+    for column, header in zip(table.columns, headers, strict=True):
+        heads.append(f'<th class="{column.justify}">{header}</th>')
+        columns.append(_cells(column))
     body = []
     for number, row in enumerate(table.rows):
-        cells = "".join(
-            f"<td{side}>{rich_html(cells[number])}{room[number]}</td>"
-            for side, cells, room in zip(aligned, columns, rooms, strict=True)
-        )
+        cells = "".join(column[number] for column in columns)
         cells = re.sub(r"(?<=\d) (?=[^\d\s<]\S{0,5}<)", "&nbsp;", cells)  # a number and its unit
-        last = ' class="last"' if row.end_section else ""
-        body.append(f"<tr{last}>{cells}</tr>")
-    named = any(headers)
-    head = f"<thead><tr>{''.join(heads)}</tr></thead>" if named else ""
+        section_end = ' class="last"' if row.end_section else ""
+        body.append(f"<tr{section_end}>{cells}</tr>")
+    head = f"<thead><tr>{''.join(heads)}</tr></thead>" if any(headers) else ""
     caption = f'<p class="faint">{rich_html(table.caption)}</p>' if table.caption else ""
     return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>{caption}"
+
+
+def _cells(column: Column) -> list[str]:
+    """Cells of a column, with room behind numbers that stand to the right."""
+    texts = list(column.cells)
+    rooms = _rooms(texts) if column.justify == "right" else [""] * len(texts)
+    side = f' class="{column.justify}"'
+    rows = zip(texts, rooms, strict=True)
+    return [f"<td{side}>{rich_html(text)}{room}</td>" for text, room in rows]
 
 
 def _names_rows(column: Column) -> bool:
@@ -189,8 +211,10 @@ def _rooms(cells: Iterable[Any]) -> list[str]:
 
     It is set in the same letters, which are neither shown nor copied with the number.
     """
-    lacking = behind([Text.from_markup(str(cell)).plain for cell in cells])
-    return [f'<i class="room" data-room="{escape(room)}"></i>' if room else "" for room in lacking]
+    rooms = []
+    for room in behind([Text.from_markup(str(cell)).plain for cell in cells]):
+        rooms.append(f'<i class="room" data-room="{escape(room)}"></i>' if room else "")
+    return rooms
 
 
 def _flat(result: Mapping[str, Any], above: str = ""):
@@ -201,8 +225,10 @@ def _flat(result: Mapping[str, Any], above: str = ""):
             yield from _flat(value, f"{above}{key}, ")
         elif isinstance(value, bool):
             yield name, "yes" if value else "no"
-        elif isinstance(value, str | int | float) and value != "":
-            yield name, f"{value:.6g}" if isinstance(value, float) else str(value)
+        elif isinstance(value, float):
+            yield name, f"{value:.6g}"
+        elif isinstance(value, str | int) and value != "":
+            yield name, str(value)
 
 
 # ---------------------------------------------------------------- pictures
@@ -214,17 +240,17 @@ def picture_html(name: str, picture: Figure | bytes) -> str:
     if isinstance(picture, bytes):
         kind = "gif"
         data = picture
-        told = name.replace("_", " ").capitalize()
-        caption = f"<figcaption>{escape(told)}</figcaption>"
+        title = name.replace("_", " ").capitalize()
+        caption = f"<figcaption>{escape(title)}</figcaption>"
     else:
         kind = "svg+xml"
         data = _saved(picture, "svg")
         if len(data) > _LARGEST_SVG:
             kind = "png"
             data = _saved(picture, "png")
-        told = picture.get_suptitle() or name
+        title = picture.get_suptitle() or name
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
-    image = f'<img src="{source}" alt="{escape(told, quote=True)}">'
+    image = f'<img src="{source}" alt="{escape(title, quote=True)}">'
     return f"<figure>{image}{caption}</figure>"
 
 
@@ -265,12 +291,12 @@ def _tally(rows: tuple[DescribedValue, ...]) -> str:
 
 
 def _row(row: DescribedValue) -> str:
-    given = "" if row.given is None else str(row.given)
-    cells = (row.path, given, _si(row), row.source, row.doc)
+    written = "" if row.given is None else str(row.given)
+    # a long path breaks between its words
+    path = re.sub(r"([._])", r"\1<wbr>", f"<td>{escape(row.path)}</td>")
+    cells = "".join(f"<td>{escape(cell)}</td>" for cell in (written, _si(row), row.source, row.doc))
     faint = ' class="faint"' if row.given is None else ""
-    path, *others = (f"<td>{escape(cell)}</td>" for cell in cells)
-    path = re.sub(r"([._])", r"\1<wbr>", path)  # a long path breaks between its words
-    return f"<tr{faint}>{path}{''.join(others)}</tr>"
+    return f"<tr{faint}>{path}{cells}</tr>"
 
 
 def _si(row: DescribedValue) -> str:
@@ -281,5 +307,7 @@ def _si(row: DescribedValue) -> str:
         return word.lower() if word in ("True", "False") else word
     if row.value.ndim == 1 and row.value.size > 1 and np.all(row.value == row.value[0]):
         return f"{row.value.size} × {row.value[0]:.6g} {row.unit}".strip()
+    if row.value.ndim == 0:
+        return f"{row.value.item():.6g} {row.unit}".strip()
     text = np.array2string(row.value, precision=6, separator=", ", threshold=60)
-    return f"{text if row.value.ndim else format(row.value.item(), '.6g')} {row.unit}".strip()
+    return f"{text} {row.unit}".strip()
