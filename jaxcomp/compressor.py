@@ -8,6 +8,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._core.each import AbstractEach, listed, of_cylinder
@@ -142,30 +143,61 @@ def _check_lists(compressor: Compressor) -> None:
 
 def _check_stages(gas: AbstractGas | None, count: int) -> None:
     """That every cylinder has its stage, and every end its settings."""
+    is_staged = isinstance(gas, Cylinder) and gas.later_stages
+    if isinstance(gas, StagedCycle) or is_staged:
+        name = "gas.stage_of_cylinder" if is_staged else "gas.stages"
+        if len(gas.stages) != count:
+            raise BadInput(name, str(gas.stages), f"one stage for each of {count} cylinders")
     if isinstance(gas, Cylinder):
         check_settings(gas, count)
-    if isinstance(gas, StagedCycle):
-        name = "gas.stages"
-    elif isinstance(gas, Cylinder) and gas.later_stages:
-        name = "gas.stage_of_cylinder"
-    else:
-        return
-    if len(gas.stages) != count:
-        raise BadInput(name, str(gas.stages), f"one stage for each of {count} cylinders")
 
 
 def _check_ports(compressor: Compressor) -> None:
-    """That the ports of valves are narrower than the piston."""
+    """That rods and the ports of valves are narrower than the pistons of their stage."""
     gas = compressor.gas
-    mechanism = compressor.mechanism
     if not isinstance(gas, Cylinder):
         return
-    fits = zip(("suction_valve", "discharge_valve"), ports_fit(gas, mechanism), strict=True)
-    for name, fit in fits:
-        if not is_traced(fit) and not bool(jnp.all(fit)):
-            bore = 2 * jnp.sqrt(jnp.min(mechanism.piston_area) / jnp.pi)
-            diameter = getattr(gas, name).port_diameter
-            raise BadInput(f"gas.{name}.port_diameter", diameter, f"< {bore:.5g} m, the bore")
+    fits = ports_fit(gas, compressor.mechanism)
+    if any(is_traced(fit) for fit in fits) or bool(jnp.all(jnp.stack(fits))):
+        return
+    areas = jnp.atleast_1d(compressor.mechanism.piston_area)
+    stages = gas.stages if gas.later_stages else (1,) * areas.size
+    areas = jnp.broadcast_to(areas, (len(stages),))
+    for number in sorted(set(stages)):
+        where = "gas" if number == 1 else f"gas.later_stages.{number - 2}"
+        of_stage = np.flatnonzero(np.array(stages) == number)
+        bore = float(2 * jnp.sqrt(jnp.min(areas[of_stage]) / jnp.pi))
+        _check_rod_and_ports(gas.stage(number), where, bore)
+
+
+def _check_rod_and_ports(stage: Any, where: str, bore: float) -> None:
+    """That a stage's rod and ports are narrower than its smallest cylinder, and ports than its ring.
+
+    Args:
+        stage: with valves and perhaps a crank end.
+        where: the path of its entries.
+        bore: [m] of the smallest of its cylinders.
+    """
+    names = "suction_valve", "discharge_valve"
+    for name in names:
+        diameter = getattr(stage, name).port_diameter
+        if not bool(diameter < bore):
+            raise BadInput(f"{where}.{name}.port_diameter", diameter, f"< {bore:.5g} m, the bore")
+    end = stage.crank_end
+    if end is None:
+        return
+    rod = end.rod_diameter
+    if not bool(rod < bore):
+        bound = f"< {bore:.5g} m, the bore of the cylinder through which it goes"
+        raise BadInput(f"{where}.crank_end.rod_diameter", rod, bound)
+    as_circle = jnp.sqrt(bore**2 - rod**2)
+    for name in names:
+        valve = getattr(end, name)
+        place = f"{where}.{name}" if valve is None else f"{where}.crank_end.{name}"
+        diameter = (valve or getattr(stage, name)).port_diameter
+        if not bool(diameter < as_circle):
+            bound = f"< {as_circle:.5g} m, of a circle as large as the piston around its rod"
+            raise BadInput(f"{place}.port_diameter", diameter, bound)
 
 
 def _check_pipes(compressor: Compressor) -> None:

@@ -40,7 +40,10 @@ MOST = 1500  # characters; the first of several errors counts
 
 
 class File(NamedTuple):
-    """A line of a machine file replaced by others, and what `check` must name; `kind` as in `new`."""
+    """A line of a machine file replaced by others, and what `check` must name.
+
+    `kind` is as in `new`, or the name of the process compressor.
+    """
 
     old: str
     new: str
@@ -150,6 +153,115 @@ BORE = 'bore = "50 mm"'
 FLUID = 'name = "R290"'
 REAL_GAS = f'type = "real_gas"\n{FLUID}'
 R290 = "refrigeration"
+PROCESS = "process-two-stage"
+UNLOADER = "[gas.suction_valve.unloader]"
+CRANK_ENDS = "unloaded = [0, 1, 0, 1]"
+HEAD_POCKETS = "pockets = [1, 0, 1, 0]"
+FLUID_OF_PROCESS = "[gas.fluid]"
+
+
+def _process(old: str, new: str, *names: str):
+    """A mistake in the file of the process compressor."""
+    return _file(old, new, *names, kind=PROCESS)
+
+
+PROCESS_MISTAKES = {
+    "misspelt rod": _process(
+        "rod_diameter =", "rod_diamter =", "gas.crank_end.rod_diamter", '"rod_diameter"'
+    ),
+    "rod thicker than the bore": _process(
+        'rod_diameter = { value = "63 mm"',
+        'rod_diameter = { value = "300 mm"',
+        *("gas.crank_end.rod_diameter", "300 mm", "< 0.26 m", "bore"),
+    ),
+    "rod of a later stage thicker than its bore": _process(
+        'rod_diameter = "63 mm"',
+        'rod_diameter = "180 mm"',
+        *("gas.later_stages.0.crank_end.rod_diameter", "180 mm", "< 0.17 m"),
+    ),
+    "port wider than the ring around the rod": _process(
+        'rod_diameter = "63 mm"',
+        'rod_diameter = "155 mm"',
+        *("gas.later_stages.0.suction_valve.port_diameter", "85 mm", "0.069", "around its rod"),
+    ),
+    "crank end in one stage alone": _process(
+        "[gas.later_stages.crank_end",
+        "[gas.later_stages.crnk_end",
+        *("gas.later_stages.0.crnk_end", '"crank_end"'),
+    ),
+    "later stages in single brackets": _process(
+        "[[gas.later_stages]]", "[gas.later_stages]", "gas.later_stages", "[[gas.later_stages]]"
+    ),
+    "misspelt cooler": _process(
+        "[gas.later_stages.cooler]",
+        "[gas.later_stages.coler]",
+        *("gas.later_stages.0.coler", '"cooler"'),
+    ),
+    "cooler that takes all pressure": _process(
+        'pressure_drop = "0.4 bar"',
+        'pressure_drop = "40 bar"',
+        *("gas.later_stages.0.cooler.pressure_drop", "40 bar", "< 3.5e+06 Pa"),
+    ),
+    "pressure between stages below suction": _process(
+        FLUID_OF_PROCESS,
+        f'interstage_pressure = ["5 bar"]\n{FLUID_OF_PROCESS}',
+        *("gas.interstage_pressure", "5 bar", "> 1e+06 Pa", "< 4.5e+06 Pa"),
+    ),
+    "a stage that no cylinder has": _process(
+        FLUID_OF_PROCESS,
+        f"stage_of_cylinder = [1, 3]\n{FLUID_OF_PROCESS}",
+        *("gas.stage_of_cylinder", "[1, 3]", "from 1 to 2"),
+    ),
+    "discharge below suction": _process(
+        'pressure = "45 bar"',
+        'pressure = "4.5 bar"',
+        *("gas.discharge.pressure", "4.5 bar", "above the suction pressure"),
+    ),
+    "pocket of less than nothing": _process(
+        'volume = "1 l"', 'volume = "-1 l"', "gas.later_stages.0.pocket.volume", "-1 l", "> 0"
+    ),
+    "pocket that an end does not have": _process(
+        HEAD_POCKETS, "pockets = [1, 1, 1, 0]", "gas.load_steps.0.pockets", "end 2", "no pocket"
+    ),
+    "more than the whole pocket": _process(
+        HEAD_POCKETS, "pockets = [2, 0, 1, 0]", "gas.load_steps.0.pockets", "2", "<= 1"
+    ),
+    "misspelt force of an unloader": _process(
+        f"{UNLOADER}\nforce", f"{UNLOADER}\nforse", "gas.suction_valve.unloader.forse", '"force"'
+    ),
+    "release while gas is drawn": _process(
+        UNLOADER,
+        f'{UNLOADER}\nrelease = "30 deg"',
+        *("gas.suction_valve.unloader.release", "30 deg", ">= 3.14159"),
+    ),
+    "release without its unit": _process(
+        UNLOADER, f"{UNLOADER}\nrelease = 250", "gas.suction_valve.unloader.release", "250", "deg"
+    ),
+    "release that lasts too long": _process(
+        UNLOADER,
+        f'{UNLOADER}\nrelease = "250 deg"\nduration = "170 deg"',
+        *("gas.suction_valve.unloader.duration", "170 deg", "160 deg"),
+    ),
+    "unloader of a discharge valve": _process(
+        "[gas.discharge_valve]",
+        '[gas.discharge_valve.unloader]\nforce = "1 kN"\n\n[gas.discharge_valve]',
+        *("gas.discharge_valve.unloader", "suction valves"),
+    ),
+    "load step that unloads everything": _process(
+        CRANK_ENDS, "unloaded = [1, 1, 1, 1]", "gas.load_steps.1.unloaded", "stage 1", "0 for an end"
+    ),
+    "load step of a cylinder, not of its ends": _process(
+        CRANK_ENDS, "unloaded = [0, 1]", "gas.load_steps.1.unloaded", "2 values", "each of 4 ends"
+    ),
+    "misspelt setting of a load step": _process(
+        CRANK_ENDS, "unload = [0, 1, 0, 1]", "gas.load_steps.1.unload", '"unloaded"'
+    ),
+    "two load steps of one name": _process(
+        'name = "crank ends unloaded"\n',
+        'name = "pockets"\n',
+        *("gas.load_steps.name", "pockets", "another name"),
+    ),
+}
 
 FILES = {
     "unit of another dimension": _file(BORE, 'bore = "50 kg"', "mechanism.bore", "50 kg", "m"),
@@ -346,6 +458,7 @@ FILES = {
         "reed",
         kind=R290,
     ),
+    **PROCESS_MISTAKES,
 }
 
 WBHE = "mayekawa-wbhe"
@@ -358,6 +471,9 @@ COMMANDS = {
         "run mayekawa-wbhe --step 0.7 --out r", "--step 0.7", "must divide 360"
     ),
     "a step without a folder": _cli("run mayekawa-wbhe --step 1", "--step", "--out FOLDER"),
+    "load steps of a machine without any": _cli(
+        f"run {WBHE} --load-steps", "--load-steps", "[[gas.load_steps]]"
+    ),
     "a run-up without its duration": _cli("simulate mayekawa-wbhe", "--duration", "2s"),
     "vibration of a machine without a rotor": _cli("modes slider-link-8cc", "no [rotor]"),
     "a comparison by what none has": _cli(
@@ -973,7 +1089,8 @@ def answer(mistake: Mistake) -> tuple[str, str]:
     if isinstance(mistake, Readings):
         Path(mistake.file).write_text(mistake.text, mistake.encoding)
     if isinstance(mistake, File):
-        text = start(mistake.kind, "my-machine")
+        is_bundled = mistake.kind == PROCESS
+        text = jc.load(PROCESS).text if is_bundled else start(mistake.kind, "my-machine")
         bare = re.sub(r"(?<=\S) +# .*", "", text)  # as without the remarks behind values
         bare = re.sub(r"^#.*\n", "", bare, flags=re.M)
         assert mistake.old in bare, f"no line {mistake.old!r}"

@@ -50,6 +50,11 @@ def run(
     )
     scene = case.scene(once=True)
     compressor = scene.as_compressor()
+    refuse(
+        load_steps and not getattr(compressor.gas, "load_steps", ()),
+        "--load-steps: needs [[gas.load_steps]] in the machine file, each with a `name` and its "
+        "`unloaded` or `pockets`, as in process-two-stage",
+    )
     method = opt.with_cycle(opt.solver_of(solver, compressor), cycle)
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)

@@ -12,17 +12,19 @@ import jax.numpy as jnp
 from jax import lax
 
 from .._core.exported import kept_jit
-from .._core.fields import admissible, clipped, is_traced
+from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, HasCompressor, compressor_of
-from ..cylinder import Cylinder
+from ..cylinder import CycleOptions, Cylinder
 from ..cylinder.interface import (
     climbed,
     evidence,
     is_piped,
     of_each,
+    options_of,
     raise_where_unsolved,
+    with_settings,
 )
 from ._collocation import Collocation, default_collocation
 from ._coupling import MAX_ITERATIONS, orbit_with_cylinder
@@ -86,6 +88,9 @@ def solve_orbit(
     (True, True)
     """
     compressor = compressor_of(machine)
+    if isinstance(compressor.gas, Cylinder):
+        gas = with_settings(compressor.gas, compressor.crankshaft.count)
+        compressor = replaced(compressor, gas=gas)
     if solver is None:
         solver = default_collocation(compressor)
     values = frozen(compressor)
@@ -93,7 +98,7 @@ def solve_orbit(
         # within a program that is traced anyway, one of its own would be traced twice for derivatives
         orbit = _solved(compressor, solver)
         if throw and orbit.cycle is not None:
-            raise_where_unsolved(orbit.cycle, solver.cycle)
+            raise_where_unsolved(orbit.cycle, _cycle_options(compressor, solver))
     else:
         orbit = _orbit_outside(compressor, values, solver, throw)
     if verify is False:
@@ -137,13 +142,19 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
         return _solve(values, dataclasses.replace(solver, cycle=cycle_options))
 
     may_march = not is_piped(compressor.gas)
-    orbit, cycle_options = climbed(solve, solver.cycle, may_march)
+    orbit, cycle_options = climbed(solve, _cycle_options(values, solver), may_march)
     solver = dataclasses.replace(solver, cycle=cycle_options)
     if throw:
         _raise_if_failed(orbit, solver)
     if not with_derivatives:
         return orbit
     return _solved(compressor, solver, orbit)
+
+
+def _cycle_options(compressor: Compressor, solver) -> CycleOptions:
+    """Options of the cycle of a machine with valves, by the cylinders that are solved together."""
+    assert isinstance(compressor.gas, Cylinder)
+    return options_of(compressor.gas, compressor.crankshaft.count, solver.cycle)
 
 
 def _raise_if_failed(orbit: Orbit, solver) -> None:

@@ -140,6 +140,7 @@ def _evidence_in_program(options: CycleOptions, valve_events, revolutions, resid
     message = _evidence(options, valve_events, revolutions, residual)
     larger = _size_with_room(options, int(np.sum(_most_events(valve_events))))
     if larger is not None:
+        larger = larger.of_several(1)  # panels and steps are given of each cylinder
         message += (
             "; a compiled program has one size: solve and differentiate outside of `jit`, where the size "
             f"follows from the machine, or give CycleOptions(least_panels={larger.panel_count}, "

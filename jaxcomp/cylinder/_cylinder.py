@@ -296,6 +296,7 @@ def _check_stages(cylinder: Cylinder) -> None:
     if pressures is not None and pressures.shape != (count - 1,):
         raise BadInput("interstage_pressure", pressures, f"{count - 1}, one for each later stage")
     _check_staged_lines(cylinder)
+    _check_pressures_between(cylinder)
     for number, stage in enumerate(cylinder.later_stages):
         if (stage.crank_end is None) != (cylinder.crank_end is None):
             bound = "given in every stage or in none"
@@ -303,6 +304,28 @@ def _check_stages(cylinder: Cylinder) -> None:
         if stage.heat is not None and stage.wall_temperature is None:
             where = f"later_stages.{number}.wall_temperature"
             raise BadInput(where, "absent", "given where there is heat transfer")
+
+
+def _check_pressures_between(cylinder: Cylinder) -> None:
+    """That pressures between stages lie between those of the lines, as far as numbers are known."""
+    known = known_values(cylinder).by_dew_points()
+    low = known.suction.state(known.fluid)
+    high = known.discharge.states(known.fluid, low)[0].p
+    low = low.p
+    if is_traced(low) or is_traced(high) or not bool(high > low):
+        return  # a discharge pressure below that of suction has a bound of its own
+    for number, stage in enumerate(known.later_stages):
+        drop = stage.cooler.pressure_drop
+        if not is_traced(drop) and bool(drop >= high - low):
+            where = f"later_stages.{number}.cooler.pressure_drop"
+            raise BadInput(where, drop, f"< {high - low:.5g} Pa, all that the stages raise")
+    between = known.interstage_pressure
+    if between is None or is_traced(between):
+        return
+    rises = jnp.diff(jnp.concatenate([low[None], between, high[None]]))
+    if bool(jnp.any(rises <= 0)):
+        bound = f"rising, > {low:.5g} Pa of the suction and < {high:.5g} Pa of the discharge line"
+        raise BadInput("interstage_pressure", between, bound)
 
 
 def _check_capacity_control(cylinder: Cylinder) -> None:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,10 +12,12 @@ from jaxtyping import Array, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
-from .._core.fields import rebuilt, replaced
+from .._core.fields import is_traced, rebuilt, replaced
 from ..mechanism import AbstractMechanism
 from ._cylinder import Cylinder
+from ._options import CycleOptions
 from ._piston_end import PistonEnd
+from ._waves import is_piped
 from .laminar_gap import LaminarGap
 from .stage import Stage
 
@@ -51,7 +53,10 @@ def one_end(cylinder: Cylinder) -> Cylinder:
         BadInput: entries that more ends have, or that are set for every end.
     """
     for name in cylinder.entries_of_ends():
-        bound = "absent here, where one end is solved: `solve_orbit` solves all, at any speed"
+        bound = (
+            "absent here, where one end is solved, as in runs in time: `solve_orbit` and `jaxcomp run` "
+            "solve all ends and stages, at any speed"
+        )
         raise BadInput(f"gas.{name}", "given", bound)
     return cylinder
 
@@ -67,6 +72,19 @@ def grouping(cylinder: Cylinder, count: int) -> Grouping:
     if cylinder.plenums:
         return Grouping(ends, sides, 1)
     return Grouping(ends, sides, ends if cylinder.leakage is None or sides == 1 else count)
+
+
+def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOptions:
+    """Options in which the cycles of so many cylinders are solved.
+
+    Panels, steps and events are those of all that are solved together, be it ends of a cylinder past its
+    rings or cylinders with the same plenums or pipes. A choice of the size that counts the events of all
+    and the panels of one leaves out sizes that have room.
+    """
+    if has_ends(cylinder):
+        return options.of_several(grouping(cylinder, count).together)
+    shared = cylinder.plenums or is_piped(cylinder)
+    return options.of_several(count if shared else 1)
 
 
 def phase_of_ends(cylinder: Cylinder, phase: Float[Array, " k"]) -> Float[Array, " e"]:
@@ -170,6 +188,21 @@ def _controlled(
     return controlled
 
 
+def with_settings(cylinder: Cylinder, count: int) -> Cylinder:
+    """The gas side with numbers for its unloaders and pockets, so that one program serves all load steps.
+
+    Args:
+        cylinder: gas side, with load steps or without.
+        count: of cylinders.
+    """
+    if not cylinder.load_steps:
+        return cylinder
+    none = jnp.zeros(grouping(cylinder, count).ends)
+    unloaded = none if cylinder.unloaded is None else cylinder.unloaded
+    pockets = none if cylinder.pockets is None else cylinder.pockets
+    return replaced(cylinder, unloaded=unloaded, pockets=pockets)
+
+
 def check_settings(cylinder: Cylinder, count: int) -> None:
     """Refuse settings of unloaders and pockets that are not one for each end.
 
@@ -182,9 +215,62 @@ def check_settings(cylinder: Cylinder, count: int) -> None:
     for where, settings in {"": cylinder, **steps}.items():
         for name in ("unloaded", "pockets"):
             values = getattr(settings, name)
-            if values is not None and values.shape != (ends,):
+            if values is None:
+                continue
+            if values.shape != (ends,):
                 bound = f"one for each of {ends} ends, head before crank end"
                 raise BadInput(f"gas.{where}{name}", f"{values.size} values", bound)
+            if not is_traced(values):
+                _check_acting(_parts_of_ends(cylinder, count), f"gas.{where}{name}", values)
+
+
+class _EndParts(NamedTuple):
+    """Parts by which the capacity of an end is controlled."""
+
+    stage: int  # number, from 1
+    unloader: Any
+    pocket: Any
+
+
+def _parts_of_ends(cylinder: Cylinder, count: int) -> list[_EndParts]:
+    """Unloader and pocket of each end, in the order of settings."""
+    parts = []
+    for number in cylinder.stages if cylinder.later_stages else (1,) * count:
+        stage = cylinder.stage(number)
+        valve = stage.suction_valve
+        parts.append(_EndParts(number, getattr(valve, "unloader", None), stage.pocket))
+        end = stage.crank_end
+        if end is not None:
+            valve = end.suction_valve or valve
+            parts.append(_EndParts(number, getattr(valve, "unloader", None), end.pocket))
+    return parts
+
+
+def _check_acting(parts: list[_EndParts], where: str, values: Float[Array, " e"]) -> None:
+    """Refuse settings of what an end does not have, and stages that nothing passes.
+
+    Args:
+        parts: of every end.
+        where: the path of the settings, whose last word is "unloaded" or "pockets".
+        values: [-] the settings.
+    """
+    unloads = where.endswith("unloaded")
+    what = "a suction_valve.unloader" if unloads else "a pocket"
+    for number, (part, value) in enumerate(zip(parts, np.asarray(values), strict=True)):
+        if value > 0 and (part.unloader if unloads else part.pocket) is None:
+            bound = f"0 for end {number + 1}, which has no {what.removeprefix('a ')}"
+            raise BadInput(where, values, f"{bound} (head before crank end)")
+    if not unloads:
+        return
+    for stage in sorted({part.stage for part in parts}):
+        of_stage = [
+            value == 1 and part.unloader.release is None
+            for part, value in zip(parts, np.asarray(values), strict=True)
+            if part.stage == stage
+        ]
+        if all(of_stage):
+            bound = f"0 for an end of stage {stage} at least, which delivers nothing otherwise"
+            raise BadInput(where, values, bound)
 
 
 def between_lines(cylinder: Cylinder) -> list[Cylinder]:

@@ -39,6 +39,9 @@ _LOCATED = 1e-2  # [-] of the tolerance of a step: event function within which i
 # events located within 3e-7, touch and leaving were one place, and the bounces did not end in 200,000
 # steps on 28 of 100 scattered machines. On the others the tries of steps rise by 4 %.
 _LOCATED_AT_MOST = 1e-9
+# In the record of a march, in place of an event: a step ends at a given angle, where a force bends.
+BEND = -2
+_AT_KNOT = 1e-9  # [rad] from a given angle within which a step ends there
 _NARROW = 1e-14  # [rad] bracket beyond which rounding rules
 
 
@@ -54,7 +57,7 @@ class Record(NamedTuple):
     begin_rate: Float[Array, "n m"]
     end_rate: Float[Array, "n m"]
     flags: Int[Array, "n f"]  # branches that hold within the step
-    event: Int[Array, " n"]  # at its end, -1 for none
+    event: Int[Array, " n"]  # at its end, -1 for none, `BEND` at a given angle
     code: Int[Array, " n"]  # of the jump there
 
 
@@ -133,7 +136,7 @@ def stretch(
         tolerance: [-] error of a step, in units of the scales.
         max_passes: tries after which to give up.
         capacity: steps that are kept.
-        knots: [rad] angles at which a step ends.
+        knots: [rad] angles at which a step ends, which the record marks by `BEND`.
     """
     at_event = jnp.clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
     route = _Route(law, stop, tolerance, at_event, capacity, knots)
@@ -260,8 +263,15 @@ def _advance(route: _Route, carry: _Carry) -> _Carry:
         search,
         carry.steps + accept,
         carry.passes + 1,
-        _recorded(route, carry, tried, accept, event, code),
+        _recorded(route, carry, tried, accept, _edge(route, event, end), code),
     )
+
+
+def _edge(route: _Route, event, end):
+    """The event at the end of a step, or `BEND` at a given angle where nothing happens."""
+    for knot in route.knots:
+        event = jnp.where((event < 0) & (jnp.abs(end - knot) < _AT_KNOT), BEND, event)
+    return event
 
 
 def _attempt(route: _Route, carry: _Carry) -> _Attempt:
@@ -372,7 +382,7 @@ def _ahead(angle, stop, knots: tuple):
     """[rad] To the end or to the next knot."""
     left = stop - angle
     for knot in knots:
-        left = jnp.where(knot > angle + 1e-9, jnp.minimum(left, knot - angle), left)
+        left = jnp.where(knot > angle + _AT_KNOT, jnp.minimum(left, knot - angle), left)
     return left
 
 

@@ -18,7 +18,7 @@ from .._core.polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
 from ._balance import FREE
 from ._cylinder import Case
-from ._march import Record, within_steps
+from ._march import BEND, Record, within_steps
 from ._revolutions import START, TURN
 
 
@@ -40,10 +40,18 @@ class Unknowns(NamedTuple):
     edges: Float[Array, " p+1"]  # [rad]; those without an event do not move
 
 
+def is_edge(record: Record) -> Bool[Array, " n"]:
+    """Whether a panel has to end where a step of a march does: at an event or a given angle."""
+    return (record.event >= 0) | (record.event == BEND)
+
+
 def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
-    """Panels after the steps of a march: at least one between events, more where steps are many."""
+    """Panels after the steps of a march: at least one between events, more where steps are many.
+
+    Given angles are edges as well, but no events: they do not move.
+    """
     used = jnp.isfinite(record.angle)
-    happens = used & (record.event >= 0)
+    happens = used & is_edge(record)
     interval = jnp.cumsum(happens) - happens  # of every step
     count = jnp.sum(happens) + 1
     steps = jnp.zeros(panels).at[jnp.where(used, interval, panels)].add(1.0, mode="drop")
@@ -68,7 +76,7 @@ def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
     edges = jnp.concatenate([edges, jnp.asarray([START + TURN])])
     last_row = jnp.clip((first_row + steps[of] - 1).astype(int), 0, record.angle.size - 1)
     ends_interval = within == share[of] - 1
-    event = jnp.where(ends_interval, record.event[last_row], -1)
+    event = jnp.where(ends_interval, jnp.maximum(record.event[last_row], -1), -1)
     code = jnp.where(event >= 0, record.code[last_row], 0)
     mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
 

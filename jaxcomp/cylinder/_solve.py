@@ -22,11 +22,11 @@ from ._climb import climbed, evidence, raise_where_unsolved
 from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
-from ._ends import Ends, ends_of, grouping, has_ends, one_end
+from ._ends import Ends, ends_of, grouping, has_ends, one_end, options_of
 from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
 from ._march import Record
 from ._options import COARSE, CycleOptions
-from ._panels import Mesh, Unknowns, lay_mesh, resolution
+from ._panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
 from ._piped import piped_rounds
 from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
@@ -262,7 +262,7 @@ def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> C
 @eqx.filter_jit
 def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, pace, start):
     system = _together(cylinder, mechanisms, phase, speed, pace)
-    return cycles_of(*_found(system, options.of_several(phase.shape[0]), start))
+    return cycles_of(*_found(system, options.of_several(system.count), start))
 
 
 def _together(
@@ -331,10 +331,7 @@ def _cycles_of_group(system: Cylinders, found: CycleSolution, marching: bool) ->
 @eqx.filter_jit
 def _solved_ends(ends: Ends, speed, pace, start, options: CycleOptions) -> SeveralCycles:
     system = _system_of_ends(ends, speed, pace)
-    count = system.count
-    return _cycles_of_group(
-        *_found(system, options if count == 1 else options.of_several(count), start)
-    )
+    return _cycles_of_group(*_found(system, options.of_several(system.count), start))
 
 
 def _followed_ends(ends: Ends, speed, pace, found: CycleSolution) -> SeveralCycles:
@@ -357,9 +354,12 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
 
 
 def _count_events(record: Record) -> Int[Array, "2"]:
-    """Events of the suction and of the discharge valves in the revolution of a record."""
-    happens = jnp.isfinite(record.angle) & (record.event >= 0)
-    discharge = record.event % EVENTS >= EVENTS // 2
+    """Events of the suction and of the discharge valves in the revolution of a record.
+
+    The given angles of unloaders, which want panels as well, count as those of suction valves.
+    """
+    happens = jnp.isfinite(record.angle) & is_edge(record)
+    discharge = (record.event >= 0) & (record.event % EVENTS >= EVENTS // 2)
     return jnp.stack([jnp.sum(happens & ~discharge), jnp.sum(happens & discharge)])
 
 
@@ -509,14 +509,13 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
     if has_ends(cylinder):
         ends = grouping(cylinder, count)
         size = ends.together * STATES + PER_PLENUM * len(cylinder.plenums)
-        own_options = options if ends.together == 1 else options.of_several(ends.together)
-        nothing = _nothing(ends.together, size, own_options)
+        nothing = _nothing(ends.together, size, options_of(cylinder, count, options))
         return nothing if ends.groups == 1 else over_cylinders(nothing, ends.groups)
     if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own = STATES + (0 if cylinder.walls is None else OF_WALL)
     size = count * own + PER_PLENUM * len(cylinder.plenums)
-    nothing = _nothing(count, size, options if count == 1 else options.of_several(count))
+    nothing = _nothing(count, size, options_of(cylinder, count, options))
     return nothing._replace(waves=still(cylinder)) if is_piped(cylinder) else nothing
 
 

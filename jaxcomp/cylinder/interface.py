@@ -23,7 +23,9 @@ from ._ends import check_settings as check_settings
 from ._ends import ends_of as ends_of
 from ._ends import guessed_pressures as guessed_pressures
 from ._ends import one_end as one_end
+from ._ends import options_of as options_of
 from ._ends import phase_of_ends as phase_of_ends
+from ._ends import with_settings as with_settings
 from ._evaluation import CycleSolution as CycleSolution
 from ._evaluation import account_scales as account_scales
 from ._march import AbstractLaw as AbstractLaw

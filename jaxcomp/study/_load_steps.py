@@ -96,15 +96,12 @@ def load_steps(
     gas = None if compressor is None else compressor.gas
     if compressor is None or not isinstance(gas, Cylinder) or not gas.load_steps:
         raise BadInput("gas.load_steps", "absent", "one load step at least")
-    ends = compressor.crankshaft.count * (1 if gas.crank_end is None else 2)
-    none = jnp.zeros(ends)
     steps = (LoadStep(FULL_LOAD), *gas.load_steps)
     states = []
     for step in steps:
-        unloaded = none if step.unloaded is None else step.unloaded
-        pockets = none if step.pockets is None else step.pockets
+        at_step = replaced(gas, unloaded=step.unloaded, pockets=step.pockets)
         # Both are given in every step, so that one program serves all.
-        here = replaced(gas, unloaded=unloaded, pockets=pockets)
+        here = with_settings(at_step, compressor.crankshaft.count)
         changed = replaced(design, compressor=replaced(compressor, gas=here))
         states.append(steady_state(changed, solver))
     return LoadSteps(tuple(step.name for step in steps), tuple(states))

@@ -280,7 +280,9 @@ def climb_of(problem: Problem, count: int, by_march: bool) -> Climb:
     compressor = problem.design.compressor
     assert compressor is not None
     by_march = by_march and not is_piped(compressor.gas)
-    return Climb(_solver_of(problem).cycle.ladder(by_march), count)
+    assert isinstance(compressor.gas, Cylinder)
+    options = options_of(compressor.gas, compressor.crankshaft.count, _solver_of(problem).cycle)
+    return Climb(options.ladder(by_march), count)
 
 
 def in_size(problem: Problem, size: CycleOptions | None) -> Problem:

@@ -28,7 +28,7 @@ from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, solve_orbit
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import Climb, events_without_room, is_piped, of_each
+from ..cylinder.interface import Climb, events_without_room, is_piped, of_each, options_of
 from ..fluid import AbstractRealGas
 from ..fluid.interface import has_dew_line
 from ..motor import ConstantSpeed
@@ -373,6 +373,8 @@ def rated(
 
 def _in_all_sizes(compressor: Compressor, rating: str, options, solver, evaporating, condensing):
     """All points, each in the size that its cycle needs."""
+    assert isinstance(compressor.gas, Cylinder)
+    options = options_of(compressor.gas, compressor.crankshaft.count, options)
     climb = Climb(options.ladder(by_march=not is_piped(compressor.gas)), len(evaporating))
     values: dict[str, np.ndarray] = {}
     ok = np.zeros(len(evaporating), bool)

@@ -1,5 +1,7 @@
 """Double-acting cylinders with valves: against an own program in time, in limits, by differences."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,13 +11,13 @@ from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
-from jaxcomp import BadInput, Compressor, solve_orbit
+from jaxcomp import BadInput, Compressor, simulate, solve_orbit
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder import CrankEnd, Cylinder, DischargeLine, LaminarGap, SuctionLine, solve_cycle
 from jaxcomp.fluid import PerfectGas
 from jaxcomp.machine import Machine
 from jaxcomp.mechanism import SliderCrank
-from jaxcomp.motor import ConstantSpeed
+from jaxcomp.motor import ConstantSpeed, Kloss
 from jaxcomp.study import steady_state
 
 BORE, RADIUS, LENGTH, MASS, ROD = 0.2, 0.06, 0.3, 30.0, 0.05
@@ -226,6 +228,9 @@ def test_what_cannot_be_is_refused_by_name():
 
     with pytest.raises(BadInput, match="one end is solved"):
         solve_cycle(cylinder(), mechanism(), SPEED)
+    run_up = dataclasses.replace(throw(cylinder()), motor=Kloss(100.0, 0.1, 160.0))
+    with pytest.raises(BadInput, match=r"gas\.crank_end.*runs in time.*jaxcomp run"):
+        simulate(run_up, 0.1)
     heat = {"heat": Annand(0.7, 0.7), "wall_temperature": 350.0, "walls": WallNetwork(300.0, 5.0)}
     with pytest.raises(BadInput, match="wall_temperature"):
         cylinder(**heat)

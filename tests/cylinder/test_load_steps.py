@@ -100,8 +100,7 @@ def test_an_unloaded_end_is_that_of_an_own_program_in_time(release):
         both = [*modes, 0, 0] if number == 0 else [0, 0, *modes]
         after, sums, *_ = own.revolution(states, both, start)
         place = [8 * number, 8 * number + 1]
-        # the ends of the release, where its third derivative jumps, are no edges of the panels
-        error = 1e-7 if release is None else 1e-5
+        error = 1e-7
         np.testing.assert_allclose(after[place], begin[:2], rtol=error)
         totals = cycle.totals
         work = -float(totals.work)
@@ -164,9 +163,8 @@ def test_derivatives_by_pocket_and_release_are_those_of_differences():
     for column in range(2):
         there = jnp.zeros(2).at[column].set(step)
         wanted = (outputs(there) - outputs(-there)) / (2 * step)
-        # cycles are known to 1e-10, over the step; the release moves through panels as no edge of theirs
-        error = (1e-3, 1e-4)[column]
-        np.testing.assert_allclose(slopes[:, column], wanted, rtol=error, atol=1e-6)
+        # cycles are known to 1e-10, over the step
+        np.testing.assert_allclose(slopes[:, column], wanted, rtol=1e-5, atol=1e-6)
 
 
 def test_settings_that_nothing_follows_are_refused_by_name():

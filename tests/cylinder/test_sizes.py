@@ -8,9 +8,10 @@ import pytest
 from cylinder.test_cylinder import SPEED, golden, mechanism
 
 from jaxcomp import SolveFailed, Status
-from jaxcomp.cylinder import CycleOptions, solve_cycle
+from jaxcomp._core.fields import rebuilt
+from jaxcomp.cylinder import CrankEnd, CycleOptions, LaminarGap, solve_cycle
 from jaxcomp.cylinder._revolutions import march
-from jaxcomp.cylinder.interface import Climb, Cylinders, may_lack_room, prepare
+from jaxcomp.cylinder.interface import Climb, Cylinders, may_lack_room, options_of, prepare
 
 TOO_MANY = Status.too_many_events
 
@@ -156,3 +157,15 @@ def test_a_failure_names_events_and_panels():
     )
     with pytest.raises(SolveFailed, match=words):
         solve_cycle(golden("D"), mechanism(), SPEED, few)
+
+
+def test_the_events_of_cylinders_that_are_solved_together_count_against_the_panels_of_all():
+    single = golden("D")
+    ends = rebuilt(single, crank_end=CrankEnd(0.01), leakage=LaminarGap(1e-5, 0.02))
+    alone = CycleOptions(least_panels=40)
+    together = options_of(ends, 2, alone)
+    assert options_of(single, 2, alone) == alone
+    assert (together.cylinders, together.panel_count) == (2, 80)
+    # 65 of both ends have room on 2 x 107 panels, and would have none on 107
+    assert panels_tried(together, 65) == [80, 214, 534, 1280]
+    assert panels_tried(alone, 65)[:2] == [40, 267]

@@ -1,0 +1,60 @@
+"""The bundled process compressor: balances, load steps, and what its notebook says."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import load, solve_orbit
+from jaxcomp._core.fields import replaced
+from jaxcomp.study import load_steps
+
+NAME = "process-two-stage"
+
+
+@pytest.fixture(scope="module")
+def table():
+    return load_steps(load(NAME))
+
+
+@pytest.mark.slow  # compiles the cycles of two stages with two ends each, for a minute
+def test_stages_of_the_process_compressor_pass_on_one_flow_and_its_heat_closes(table):
+    full = table.states[0]
+    cycle = full.orbit.cycle
+    first, second = cycle.flow_of_stages
+    np.testing.assert_allclose(first, second, rtol=1e-8)
+    assert 1e6 < float(cycle.interstage_pressures[0]) < 4.5e6
+    assert abs(full.quantities["heat_closure"]) < 1e-7
+
+
+@pytest.mark.slow  # as above
+def test_load_steps_of_the_process_compressor_fall_in_flow_and_power(table):
+    rows = table.rows()
+    flows = [row["mass_flow"] for row in rows]
+    powers = [row["shaft_power"] for row in rows]
+    assert flows == sorted(flows, reverse=True)
+    assert powers == sorted(powers, reverse=True)
+    # pockets take a tenth, idle crank ends about half of the flow
+    shares = [row["flow_share"] for row in rows]
+    assert 0.8 < shares[1] < 0.95
+    assert 0.45 < shares[2] < 0.55
+    # every step turns the load of the pins around for longer than the standard asks, 15 degrees
+    assert all(row["reversal_angle"] > np.deg2rad(15) for row in rows)
+
+
+@pytest.mark.slow  # as above
+def test_work_of_a_kilogram_is_least_near_equal_pressure_ratios(table):
+    """What the notebook finds by the bore of the second stage."""
+    machine = load(NAME).compressor
+    bores = np.array([0.15, 0.16, 0.17, 0.18])
+    works = []
+    ratios = []
+    for bore in bores:
+        mechanism = replaced(machine.mechanism, bore=jnp.array([0.26, bore]))
+        orbit = solve_orbit(replaced(machine, mechanism=mechanism))
+        works.append(float(orbit.motor_power / orbit.cycle.mass_flow))
+        between = float(orbit.cycle.interstage_pressures[0])
+        ratios.append((between + 4e4) / 1e6 * between / 4.5e6)
+    best = int(np.argmin(works))
+    assert 0 < best < 3
+    assert ratios == sorted(ratios, reverse=True)
+    assert 0.7 < ratios[best] < 1.4
