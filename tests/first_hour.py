@@ -248,7 +248,11 @@ PROCESS_MISTAKES = {
         *("gas.discharge_valve.unloader", "suction valves"),
     ),
     "load step that unloads everything": _process(
-        CRANK_ENDS, "unloaded = [1, 1, 1, 1]", "gas.load_steps.1.unloaded", "stage 1", "0 for an end"
+        CRANK_ENDS,
+        "unloaded = [1, 1, 1, 1]",
+        "gas.load_steps.1.unloaded",
+        "stage 1",
+        "0 for an end",
     ),
     "load step of a cylinder, not of its ends": _process(
         CRANK_ENDS, "unloaded = [0, 1]", "gas.load_steps.1.unloaded", "2 values", "each of 4 ends"

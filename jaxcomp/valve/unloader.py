@@ -44,10 +44,16 @@ class Unloader(Part):
         doc="from the top dead centre of the end, at which the force begins to fall; absent: never",
     )
     engagement: Float[Array, ""] = quantity(
-        "rad", _ENGAGED, default=np.pi / 2, doc="from there, at which the force begins to rise again"
+        "rad",
+        _ENGAGED,
+        default=np.pi / 2,
+        doc="from there, at which the force begins to rise again",
     )
     duration: Float[Array, ""] = quantity(
-        "rad", Bound(0.0, np.pi, True), default=np.pi / 18, doc="within which the force rises and falls"
+        "rad",
+        Bound(0.0, np.pi, True),
+        default=np.pi / 18,
+        doc="within which the force rises and falls",
     )
 
     def __check_init__(self):
@@ -59,9 +65,8 @@ class Unloader(Part):
         held = self.release - self.engagement
         longest = jnp.minimum(held, 2 * np.pi - held)
         if not is_traced(self.duration) and bool(self.duration > longest):
-            bound = (
-                f"<= {longest:.5g} rad ({np.rad2deg(longest):.4g} deg), between engagement and release"
-            )
+            size = f"{longest:.5g} rad ({np.rad2deg(longest):.4g} deg)"
+            bound = f"<= {size}, between engagement and release"
             raise BadInput("duration", self.duration, bound)
 
     def force_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
@@ -77,7 +82,6 @@ class Unloader(Part):
         rise = _smooth_step(since / self.duration)
         fall = _smooth_step((since - held) / self.duration)
         return self.force * (rise - fall)
-
 
     def bends(self) -> Float[Array, "4 *n"]:
         """[rad] Crank angles at which the force begins and ceases to rise and to fall.

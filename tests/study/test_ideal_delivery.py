@@ -109,7 +109,7 @@ clearance_ratio = ["4 %", "5 %"]
 def test_two_stages_pass_on_one_flow():
     """Equal flows with clearances of 4 and 5 % by hand: 3.25043 bar, 9.4693 m^3/min, 50,705.92 W."""
     asked = ["stage_pressure.1", "free_air", "gas_power"]
-    found = quantities(loads(TWO_STAGES).compressor, asked)
+    found = quantities(loads(TWO_STAGES).machine.compressor, asked)
     assert found["stage_pressure.1"] == pytest.approx(3.25043e5, abs=0.5)
     assert 60 * found["free_air"] == pytest.approx(9.4693, abs=5e-5)
     assert found["gas_power"] == pytest.approx(50_705.92, abs=5e-3)
