@@ -29,7 +29,7 @@ from ..crank import (
 )
 from ..crank.interface import film_thickness, moved_films
 from ..cylinder import Cycle
-from ..cylinder.interface import GRAZING
+from ..cylinder.interface import GRAZING, of_each
 from ..fluid import AbstractRealGas
 from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
@@ -335,7 +335,7 @@ def _remarks_on_range(cycle: Any) -> Iterator[str]:
     fluid = None if case is None else case.cylinder.fluid
     if not isinstance(fluid, AbstractRealGas):
         return
-    hottest = float(jnp.max(cycle.temperature))
+    hottest = float(jnp.max(of_each(cycle).temperature))
     _, most = fluid.temperature_range
     if hottest > most:
         reached = f"The gas reaches {hottest - ZERO_CELSIUS:.0f} °C"
