@@ -143,13 +143,17 @@ def _check_lists(compressor: Compressor) -> None:
 
 def _check_stages(gas: AbstractGas | None, count: int) -> None:
     """That every cylinder has its stage, and every end its settings."""
-    is_staged = isinstance(gas, Cylinder) and gas.later_stages
-    if isinstance(gas, StagedCycle) or is_staged:
-        name = "gas.stage_of_cylinder" if is_staged else "gas.stages"
-        if len(gas.stages) != count:
-            raise BadInput(name, str(gas.stages), f"one stage for each of {count} cylinders")
+    if isinstance(gas, StagedCycle):
+        _check_count_of_stages("gas.stages", gas.stages, count)
     if isinstance(gas, Cylinder):
+        if gas.later_stages:
+            _check_count_of_stages("gas.stage_of_cylinder", gas.stages, count)
         check_settings(gas, count)
+
+
+def _check_count_of_stages(name: str, stages: tuple[int, ...], count: int) -> None:
+    if len(stages) != count:
+        raise BadInput(name, str(stages), f"one stage for each of {count} cylinders")
 
 
 def _check_ports(compressor: Compressor) -> None:

@@ -28,7 +28,7 @@ MACHINES = {
     "mayekawa-4wbhe": None,
     "two-stage-crosshead": Collocation(reversals=0, nodes=12),
 }
-WITH_VALVES = ("r134a-7cc", "process-two-stage")
+WITH_VALVES = ("r134a-7cc",)
 RESULTS = ("mechanical_efficiency", "speed_fluctuation", "motor_power")
 # The speed of an in-line twin has two equal maxima: which of them a derivative follows is rounding.
 SYMMETRIC = ("refrigeration-twin",)

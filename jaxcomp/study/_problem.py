@@ -19,7 +19,7 @@ from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
 from ..crank.interface import default_collocation
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import Climb, is_piped
+from ..cylinder.interface import Climb, is_piped, options_of
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
 from ._options import AnalysisOptions, given_options

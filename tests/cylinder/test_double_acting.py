@@ -234,7 +234,7 @@ def test_what_cannot_be_is_refused_by_name():
     heat = {"heat": Annand(0.7, 0.7), "wall_temperature": 350.0, "walls": WallNetwork(300.0, 5.0)}
     with pytest.raises(BadInput, match="wall_temperature"):
         cylinder(**heat)
-    with pytest.raises(BadInput, match="bore"):
+    with pytest.raises(BadInput, match="around its rod"):
         throw(cylinder(discharge_valve=plate_valve(DISCHARGE), crank_end=thick_rod()))
 
 
