@@ -58,10 +58,10 @@ def accuracy(
     """
     refuse(not 0 < error < 1, f"--error {error:g}: must be > 0 and < 1")
     without = f"has no meaning with --study {study}"
-    odd = excitation is not None and study in _WITHOUT_EXCITATION
-    refuse(odd, f"--excitation {excitation}: {without}")
-    odd = variable is not None and study != "gradient"
-    refuse(odd, f"--variable {variable}: has no meaning without --study gradient")
+    unused = excitation is not None and study in _WITHOUT_EXCITATION
+    refuse(unused, f"--excitation {excitation}: {without}")
+    unused = variable is not None and study != "gradient"
+    refuse(unused, f"--variable {variable}: has no meaning without --study gradient")
     refuse(quantity is not None and study == "extremes", f"--quantity {quantity}: {without}")
     from .._core.progress import progress_of
     from ..study import accuracy as work_precision
@@ -80,11 +80,11 @@ def accuracy(
             bar.at(number, total, f"Measuring {label}")
 
         if study == "extremes":
-            found = work_precision.extremes(scene, None, progress)
+            extremes = work_precision.extremes(scene, None, progress)
             shown = (
-                found,
-                lambda _: extremes_tables(found),
-                lambda: {"extremes": jc.plot.interface.extreme_errors(found)},
+                extremes,
+                lambda _: extremes_tables(extremes),
+                lambda: {"extremes": jc.plot.interface.extreme_errors(extremes)},
             )
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
@@ -97,19 +97,19 @@ def accuracy(
                 lambda _: accuracy_tables(report, error),
                 lambda: jc.plot.interface.accuracy_figures(report, error),
             )
-    partial.done()
+    partial.finish()
     output.emit(*shown, scene)
 
 
-def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:
+def extremes_tables(extremes: jc.study.accuracy.Extremes) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
-    cases = found.cases
+    cases = extremes.cases
 
     def numbers(values, form):
         return [v is not None and math.isfinite(v) and f"{v:{form}}" for v in values]
 
     table = column_table(
-        f"{found.scene}: at its extremes",
+        f"{extremes.scene}: at its extremes",
         {
             "Extreme": [case.family for case in cases],
             "Setting": [case.setting for case in cases],
@@ -130,8 +130,8 @@ def extremes_tables(found: jc.study.accuracy.Extremes) -> Iterator[Any]:
         "of it and the indicated work from a march with located events; of responses the largest "
         "displacement in m and the difference of two linear solvers.\n"
     )
-    if found.share_with_valves is not None:
-        answered, count = found.share_with_valves
+    if extremes.share_with_valves is not None:
+        answered, count = extremes.share_with_valves
         yield f"Cycles with valves that are solved, or have no delivery: {answered} of {count}.\n"
     for case in cases:
         if not case.good:
@@ -151,7 +151,7 @@ def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[
             "Iter.": [row.iterations for row in rows],
         },
         texts=2,
-        whole=(1,),
+        unbroken=(1,),
     )
     yield _tight(table)
     programs: dict[tuple, list[str]] = {}
@@ -160,11 +160,13 @@ def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[
                  for row in rows if row.method == method)  # fmt: skip
         programs.setdefault(max(sizes), []).append(method)
     # all quantities come from one program
-    few = (names if len(names) < 4 else [f"all {len(names)}"] for names in programs.values())
+    labels = [
+        ", ".join(names) if len(names) < 4 else f"all {len(names)}" for names in programs.values()
+    ]
     yield column_table(
         "Largest program of each method",
         {
-            "Method": [", ".join(names) for names in few],
+            "Method": labels,
             "Compiling": [_duration(seconds) for _, _, seconds in programs],
             "Lines": [_count(lines or None) for lines, _, _ in programs],
             "Operations": [_count(flops or None) for _, flops, _ in programs],
@@ -202,10 +204,10 @@ def _remarks(report: jc.study.accuracy.Report, error: float) -> Iterator[str]:
     """Derivatives, failures, the independent march, and the cheapest settings."""
     if report.derivatives is not None:
         check = report.derivatives
+        side = "at most" if check.holds else "more than"
         yield (
             f"At the default options ({check.setting}) derivatives err by {check.gradient:.1e} and "
-            f"values by {check.value:.1e}: {check.ratio:.2g} times as much, "
-            f"{'at most' if check.holds else 'more than'} ten times.\n"
+            f"values by {check.value:.1e}: {check.ratio:.2g} times as much, {side} ten times.\n"
         )
     for why, settings in report.failures.items():
         yield f"Failed: {'; '.join(settings)}: {why.rstrip('.')}.\n"
@@ -237,12 +239,12 @@ def _side_by_side(report: jc.study.accuracy.Report):
         for methods in report.tasks.values():
             times = [report.seconds(at, method) for method in methods]
             best = min((t for t in times if t), default=None)
-            for own in times:
-                if own is None or best is None:
+            for seconds in times:
+                if seconds is None or best is None:
                     yield ""
                 else:
                     first = Markup(f"[bold]{_duration(best)}[/bold]")
-                    yield first if own == best else _times(own / best)
+                    yield first if seconds == best else _times(seconds / best)
 
     columns = {f"{at:.0e}": list(cells(at)) for at in report.reachable}
     methods = [method for methods in report.tasks.values() for method in methods]

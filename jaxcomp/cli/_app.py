@@ -61,8 +61,8 @@ def _flowing(text: str | None) -> str:
     """Help with one line a paragraph, which the width of the terminal breaks; indented lines stay."""
     paragraphs = inspect.cleandoc(text or "").split("\n\n")
     return "\n\n".join(
-        textwrap.dedent(one) if one.startswith(" ") else one.replace("\n", " ")
-        for one in paragraphs
+        textwrap.dedent(paragraph) if paragraph.startswith(" ") else paragraph.replace("\n", " ")
+        for paragraph in paragraphs
     )
 
 
@@ -73,27 +73,32 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
     that is in its annotation. Arguments are required, options not; a flag that is off has no opposite.
     """
     command = reports_errors(command)
-    text, _, listed = inspect.cleandoc(command.__doc__ or "").partition("\n\nArgs:\n    ")
-    entries = (_ENTRY.fullmatch(" ".join(one.split())) for one in re.split(r"\n    (?=\w)", listed))
-    docs = {entry[1]: entry for entry in entries if entry}
-    (options, groups), parameters = _options_of(command), []
-    for one in options:
-        kind = one.annotation
+    text, _, argument_lines = inspect.cleandoc(command.__doc__ or "").partition("\n\nArgs:\n    ")
+    docs = {}
+    for line in re.split(r"\n    (?=\w)", argument_lines):
+        if entry := _ENTRY.fullmatch(" ".join(line.split())):
+            docs[entry[1]] = entry
+    options, groups = _options_of(command)
+    parameters = []
+    for option in options:
+        kind = option.annotation
         info = typer.Option()
         if get_origin(kind) is Annotated:
             kind, shared = get_args(kind)
             info = copy(shared)
-        elif one.default is inspect.Parameter.empty:
+        elif option.default is inspect.Parameter.empty:
             info = typer.Argument()
-        elif kind is bool and one.default is False:
-            info = typer.Option(f"--{one.name.replace('_', '-')}")
-        if entry := docs.get(one.name):
+        elif kind is bool and option.default is False:
+            info = typer.Option(f"--{option.name.replace('_', '-')}")
+        if entry := docs.get(option.name):
             info.metavar = entry[2]
             info.help = entry[3]
-        parameters.append(one.replace(annotation=Annotated[kind, info], kind=one.KEYWORD_ONLY))
+        parameters.append(
+            option.replace(annotation=Annotated[kind, info], kind=option.KEYWORD_ONLY)
+        )
     called = _grouping(command, groups)
     called.__signature__ = inspect.Signature(parameters)  # pyright: ignore
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    called.__annotations__ = {option.name: option.annotation for option in parameters}
     app.command(name, help=_flowing(text), rich_help_panel=panel)(called)
 
 
@@ -104,12 +109,12 @@ def _options_of(command: Callable[..., None]) -> tuple[list[inspect.Parameter], 
     """
     options = []
     groups = {}
-    for one in inspect.signature(command, eval_str=True).parameters.values():
-        if is_dataclass(one.annotation):
-            groups[one.name] = one.annotation
-            options += inspect.signature(one.annotation, eval_str=True).parameters.values()
+    for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        if is_dataclass(parameter.annotation):
+            groups[parameter.name] = parameter.annotation
+            options += inspect.signature(parameter.annotation, eval_str=True).parameters.values()
         else:
-            options.append(one)
+            options.append(parameter)
     return options, groups
 
 
@@ -118,11 +123,11 @@ def _grouping(command: Callable[..., None], groups: dict[str, Any]) -> Callable[
 
     @wraps(command)
     def called(**options: Any) -> None:
-        made = {
-            name: group(**{one.name: options.pop(one.name) for one in fields(group)})
-            for name, group in groups.items()
-        }
-        command(**options, **made)
+        grouped = {}
+        for name, group in groups.items():
+            values = {field.name: options.pop(field.name) for field in fields(group)}
+            grouped[name] = group(**values)
+        command(**options, **grouped)
 
     return called
 
@@ -161,8 +166,8 @@ for _panel, _commands in _COMMANDS.items():
         _add(_name, _command, _panel)
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(requested: bool) -> None:
+    if requested:
         from importlib.metadata import version
 
         typer.echo(f"jaxcomp {version('jaxcomp')}")

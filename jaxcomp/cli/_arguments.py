@@ -97,16 +97,17 @@ def si(
     """[SI] A number of the command line, or a difference of two; bare ones have the default unit."""
     if not text:
         raise jc.scene.SceneError(option, "lacks a value")
-    given = entry(text)
-    given = text if given is None else given
-    return float(jc.scene.interface.to_si(given, unit, option, default_unit, difference))
+    number = entry(text)
+    if number is None:
+        number = text  # so that the message names the word `none`
+    return float(jc.scene.interface.to_si(number, unit, option, default_unit, difference))
 
 
 def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity."""
-    one = jc.study.interface.quantity_named(name)
-    value = si(text, one.unit, option)
-    if one.percent and abs(value) > _LARGEST_SHARE:
+    quantity = jc.study.interface.quantity_named(name)
+    value = si(text, quantity.unit, option)
+    if quantity.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
     return value
 
@@ -119,14 +120,18 @@ def bounds_of(
     for text in texts or ():
         match = _BOUND.fullmatch(text)
         if not match or (match[2] == "=" and not equalities):
-            more = ", >= or =" if equalities else " or >="
-            raise CommandError(f"{option} {text}: must have the form QUANTITY<=VALUE{more}")
-        name, sign, given = match.groups()
-        value = value_of(name, given, f"{option} {name}")
+            other_signs = ", >= or =" if equalities else " or >="
+            raise CommandError(f"{option} {text}: must have the form QUANTITY<=VALUE{other_signs}")
+        name, sign, bound_text = match.groups()
+        value = value_of(name, bound_text, f"{option} {name}")
         low, high = out.get(name, (None, None))
         if (sign != "<=" and low is not None) or (sign != ">=" and high is not None):
             raise CommandError(f"{option} {text}: {name} has such a bound already")
-        out[name] = (low if sign == "<=" else value, high if sign == ">=" else value)
+        if sign != "<=":
+            low = value
+        if sign != ">=":
+            high = value
+        out[name] = (low, high)
     return out
 
 
@@ -146,8 +151,8 @@ def speeds_of(text: str) -> np.ndarray:
     parts = text.split(":")
     option = f"--speeds {text}"
     if len(parts) == 1 and text.strip():
-        several = with_one_unit(text.split(",")) if "," in text else [text]
-        return np.array([speed_of(part, option) for part in several])
+        texts = with_one_unit(text.split(",")) if "," in text else [text]
+        return np.array([speed_of(part, option) for part in texts])
     if len(parts) not in (2, 3):
         raise CommandError(f"{option}: must have the form a,b,c or from:to or from:to:count")
     low, high = (speed_of(part, option) for part in with_one_unit(parts[:2]))

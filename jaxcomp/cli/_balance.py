@@ -60,8 +60,10 @@ class Objective:
             "--method classical: takes no --planes, --tikhonov, --largest, --limit or --measured; it "
             "balances the rotor of a machine in both planes",
         )
-        what = "--method min-max cannot be combined with --tikhonov or --largest"
-        refuse(self.method == "min-max" and bounded, what)
+        refuse(
+            self.method == "min-max" and bounded,
+            "--method min-max cannot be combined with --tikhonov or --largest",
+        )
         refuse(self.tikhonov and self.largest, "--largest: takes no --tikhonov beside it")
         refuse(
             self.limit and (self.tikhonov or self.method != "least-squares" or self.weights),
@@ -74,8 +76,8 @@ class Objective:
 
         bounds = None if self.largest is None else _largest(part, self.largest)
         if self.limit is not None:
-            known = part.radius is not None and np.isfinite(part.radius).all()
-            cost = 1 / part.radius if known else None
+            has_radii = part.radius is not None and np.isfinite(part.radius).all()
+            cost = 1 / part.radius if has_radii else None
             limit = _limit(part, self.limit)
             return jc.balancing.least_masses(part, limit, cost=cost, largest=bounds)
         if self.method == "min-max":
@@ -236,8 +238,8 @@ class Setting:
         radii: dict[str, float],
     ) -> float:
         """[kg] A mass; [kg m] where the planes have no radius."""
-        known = part.radius is not None and bool((part.radius > 0).all())
-        by_mass = part.trial == "kg" or known or {*radii} >= {*part.planes}
+        has_radii = part.radius is not None and bool((part.radius > 0).all())
+        by_mass = part.trial == "kg" or has_radii or {*radii} >= {*part.planes}
         try:
             value = si(text, "kg" if by_mass else "kg m", f"{option} {text}")
         except jc.scene.SceneError:
@@ -309,10 +311,12 @@ def balance(
         without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
         measured: CSV of an initial run and one run with a trial weight per plane.
     """
-    both = "balance: needs either a machine or --measured FILE"
-    refuse((machine is None) == (measured is None), both)
-    for option, given in (("--set", sets), ("--speeds", speeds)):
-        refuse(measured and given, f"{option}: has no meaning with --measured")
+    refuse(
+        (machine is None) == (measured is None),
+        "balance: needs either a machine or --measured FILE",
+    )
+    for option, value in (("--set", sets), ("--speeds", speeds)):
+        refuse(measured and value, f"{option}: has no meaning with --measured")
     refuse(without and excitation == "file", _NEEDS_CRANK)
     objective.check(planes, measured)
     setting.check(objective)
@@ -320,40 +324,47 @@ def balance(
 
     start_jax(once=True)
     with waiting():
-        scene, crank, shaken_by = None, {}, "measured"
+        scene = None
+        crank = {}
+        shaken_by = "measured"
         if measured is not None:
             from ..scene.measurements import read_measurements
 
-            influence, name = read_measurements(measured), measured.name
+            name = measured.name
+            influence = read_measurements(measured)
         else:
             scene = changed_scene(str(machine), sets)
-            name, shaken_by = scene.name, chosen_excitation(scene, excitation)
+            name = scene.name
+            shaken_by = chosen_excitation(scene, excitation)
             crank = {"crank": shaken_by == "crank", "left_out": tuple(names_of(without) or ())}
             refuse(without and not crank["crank"], _NEEDS_CRANK)
-            at, method = _speeds(scene, speeds), opt.chosen_solver(solver, scene)
+            at = _speeds(scene, speeds)
+            method = opt.chosen_solver(solver, scene)
             influence = jc.balancing.machine_influence(scene, at, method, **crank)
-        chosen = {"planes": names_of(planes), "targets": names_of(targets)}
+        selection = {"planes": names_of(planes), "targets": names_of(targets)}
         influence = setting.with_trials_left_on(influence)
-        part = _weighted(jc.balancing.select(influence, **chosen), objective.weights)
+        part = _weighted(jc.balancing.select(influence, **selection), objective.weights)
         if scene is not None and objective.method == "classical":
             needs = "--method classical: needs a machine with two correction planes"
             refuse(len(influence.planes) != 2, needs)
-            found = jc.balancing.balance_rotor_alone(part, scene, **crank)
+            solution = jc.balancing.balance_rotor_alone(part, scene, **crank)
         else:
-            found = jc.balancing.balance_each(part, setting.method(part, objective))
-        if not bool(found.converged) and not setting.places:
-            raise SolveFailed(found.status, f"gap to the proven optimum {float(found.gap):.1e}")
-    beside = {"machine": name, "version": version("jaxcomp"), "excitation": shaken_by}
+            solution = jc.balancing.balance_each(part, setting.method(part, objective))
+        if not bool(solution.converged) and not setting.places:
+            raise SolveFailed(
+                solution.status, f"gap to the proven optimum {float(solution.gap):.1e}"
+            )
+    metadata = {"machine": name, "version": version("jaxcomp"), "excitation": shaken_by}
     if setting.left_on is not None:
-        beside["left_on"] = setting.runs_left_on(influence)
+        metadata["left_on"] = setting.runs_left_on(influence)
     output.emit(
-        found,
+        solution,
         balance_tables,
-        lambda: jc.plot.interface.balance_figures(found, name),
+        lambda: jc.plot.interface.balance_figures(solution, name),
         scene,
-        {"balance": found.columns},
+        {"balance": solution.columns},
         f"Report, pictures, curves{', scene' if machine else ''} and result",
-        beside=beside,
+        metadata=metadata,
     )
 
 
@@ -410,10 +421,10 @@ def _weighted(
     part: jc.balancing.interface.Influence, texts: Sequence[str] | None
 ) -> jc.balancing.interface.Influence:
     """The system with the weights of `--weight` on its readings."""
-    known = sorted({row.target for row in part.rows})
+    targets = sorted({row.target for row in part.rows})
     weights = {}
     for target, text in assignments(texts, "--weight").items():
-        refuse_unknown(f"--weight {target}", target, known, "target")
+        refuse_unknown(f"--weight {target}", target, targets, "target")
         weights[target] = si(text, "", f"--weight {target}")
         refuse(not weights[target] >= 0, f"--weight {target}={text}: must be >= 0")
     return jc.balancing.select(part, weights=weights)
@@ -423,11 +434,12 @@ def _largest(part: jc.balancing.interface.Influence, text: str) -> Any:
     """[kg m] A bound of all corrections, or of those that are named."""
     if "=" not in text:
         return float(jc.scene.interface.to_si(text, part.trial, "--largest"))
-    given = assignments([one.strip() for one in text.split(",")], "--largest")
-    for plane in given:
+    bounds = {}
+    for plane, bound in assignments(list(map(str.strip, text.split(","))), "--largest").items():
         kind = "correction plane of this balance"
         refuse_unknown(f"--largest {plane}", plane, part.planes, kind)
-    return {name: si(one, part.trial, f"--largest {name}") for name, one in given.items()}
+        bounds[plane] = si(bound, part.trial, f"--largest {plane}")
+    return bounds
 
 
 def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
@@ -444,17 +456,15 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Corrections, vibration before and after, quality of the balance."""
     unit, factor = small_unit(result["correction_unit"])
     planes = result["planes"]
-    radii = [plane["radius"] and f"{plane['radius'] * 1e3:.4g}" for plane in planes]
-    masses = [plane["mass"] and f"{plane['mass'] * 1e3:.4g}" for plane in planes]
-    yield column_table(
-        f"{result['machine']}: corrections to add",
-        {
-            "Plane": [plane["name"] for plane in planes],
-            unit: [rounded(plane["correction"] * factor, 4) for plane in planes],
-            "°": [f"{math.degrees(plane['phase']):.1f}" for plane in planes],
-            **({"mm": radii, "g": masses} if any(radii) else {}),
-        },
-    )
+    columns = {
+        "Plane": [plane["name"] for plane in planes],
+        unit: [rounded(plane["correction"] * factor, 4) for plane in planes],
+        "°": [f"{math.degrees(plane['phase']):.1f}" for plane in planes],
+    }
+    if any(plane["radius"] for plane in planes):
+        columns["mm"] = [_milli(plane["radius"]) for plane in planes]
+        columns["g"] = [_milli(plane["mass"]) for plane in planes]
+    yield column_table(f"{result['machine']}: corrections to add", columns)
     if result.get("left_on"):
         runs = escape(", ".join(result["left_on"]))
         yield f"They count with the trial weights left on of {runs}; so does the vibration before."
@@ -463,31 +473,34 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield f"{note}{escape(result['verdict'])}"
     yield from _alternatives(result)
     unit, factor = vibration_unit(result["vibration_unit"])
-    rows, last = [], None
+    rows = []
+    previous_target = None
     for row in result["rows"]:
-        before, after = row["before"], row["after"]
+        before = row["before"]
+        after = row["after"]
+        shown_after = after if after > _NOTHING * before else 0.0
         rows.append(
             (
-                row["target"] if row["target"] != last else "",
+                "" if row["target"] == previous_target else row["target"],
                 row["axis"],
                 row["speed"] * RPM,
                 rounded(before * factor, 3),
-                rounded(after * factor if after > _NOTHING * before else 0.0, 3),
+                rounded(shown_after * factor, 3),
                 f"{100 * after / before:.0f} %" if before else "",
                 math.hypot(*row["sensitivity"].values()) * factor,
             )
         )
-        last = row["target"]
+        previous_target = row["target"]
     title = f"Vibration at order 1, {unit}; ±: with 1 % and 1° of error in every plane"
     heads = ("Target", "Axis", ("rpm", ".5g"), "Before", "After", "Share", ("±", ".2g"))
-    yield row_table(title, heads, rows, whole=(0,))
+    yield row_table(title, heads, rows, unbroken=(0,))
     condition = result["condition"]
-    known = "infinite" if condition is None else f"{condition:.4g}"
+    condition_text = "infinite" if condition is None else f"{condition:.4g}"
     over = "sum" if result["method"] == "least masses" else "rms before"
     rows = (
         ("Method", result["method"], f"excitation: {result['excitation']}"),
         ("Weighted rms", f"{100 * result['improvement']:.3g} %", "after over before, all rows"),
-        ("Condition", known, "of the weighted system"),
+        ("Condition", condition_text, "of the weighted system"),
         ("Gap", f"{result['gap']:.1e}", f"to the proven optimum, over the {over}"),
     )
     if "misfit" in result:
@@ -502,6 +515,11 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield row_table(None, ("Quality", "", ""), rows, texts=3)
 
 
+def _milli(value: float | None) -> Any:
+    """A radius [m] in mm, or a mass [kg] in g; what is unknown or zero stays as it is."""
+    return value and f"{value * 1e3:.4g}"
+
+
 def _weights(result: dict[str, Any], unit: str, factor: float) -> Iterator[Any]:
     """Weights at their places, and whether they are the best of all combinations."""
     weights = result.get("weights")
@@ -514,7 +532,7 @@ def _weights(result: dict[str, Any], unit: str, factor: float) -> Iterator[Any]:
         "": ["take off" if weight["removed"] else "add" for weight in weights],
         "°": [f"{math.degrees(weight['phase']) % 360:.1f}" for weight in weights],
         unit: [size and rounded(size * factor, 4) for size in sizes],
-        "g": [mass and f"{mass * 1e3:.4g}" for mass in masses],
+        "g": [_milli(mass) for mass in masses],
     }
     if unit == "g":
         columns["g"] = [rounded(mass * factor, 4) for mass in masses]
@@ -542,18 +560,15 @@ def _alternatives(result: dict[str, Any]) -> Iterator[Any]:
     sides = [{"planes": result["planes"], "improvement": result["improvement"]}, *alternatives]
     rows = []
     for number, side in enumerate(sides[:_SHOWN], 1):
-        left = side["improvement"] if side["improvement"] > _NOTHING else 0.0
-        for place, plane in enumerate(side["planes"]):
-            first = place == 0
-            rows.append(
-                (
-                    str(number) if first else "",
-                    plane["name"],
-                    rounded(plane["correction"] * factor, 4),
-                    f"{math.degrees(plane['phase']):.1f}",
-                    f"{100 * left:.3g} %" if first else "",
-                )
-            )
+        remaining_share = side["improvement"] if side["improvement"] > _NOTHING else 0.0
+        # the number and the share stand in the row of the first plane alone
+        label = str(number)
+        share_text = f"{100 * remaining_share:.3g} %"
+        for plane in side["planes"]:
+            correction = rounded(plane["correction"] * factor, 4)
+            angle = f"{math.degrees(plane['phase']):.1f}"
+            rows.append((label, plane["name"], correction, angle, share_text))
+            label = share_text = ""
     yield (
         f"[yellow]Note:[/yellow] {len(sides)} corrections fit the amplitudes, because without phase "
         "each reading has a mirror image. Set the first; if the vibration does not fall as foretold, "

@@ -119,50 +119,56 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
     refuse(bush.loads and bush.over, "--over: cannot be combined with --loads")
     refuse(bush.speed and bush.over, "--speed: cannot be combined with --over")
     refuse(bush.speed is None and bush.over is None, "Missing option '--speed'")
-    given = bush.si(_UNITS)
-    contact = _contact(given)
+    quantities = bush.si(_UNITS)
+    contact = _contact(quantities)
     if bush.over is not None:
-        given["speed"] = _speeds(bush.over)
+        quantities["speed"] = _speeds(bush.over)
     film_type = getattr(jc.film, _CLASSES[bush.model])
-    _check(given, bush.model, film_type.length_ratio_range, bush.lands)
+    _check(quantities, bush.model, film_type.length_ratio_range, bush.lands)
     start_jax()
     if bush.loads is not None:
-        _loaded(bush, bush.loads, given, contact, output)
+        _loaded(bush, bush.loads, quantities, contact, output)
         return
-    alone = {"journal-speed": bush.journal_speed, "bush-speed": bush.bush_speed}
-    alone |= {"period": bush.period, "frame": bush.frame != "fixed"}
-    for name, value in (alone | {"between": bush.between != "spline"}).items():
+    of_tables = {
+        "journal-speed": bush.journal_speed,
+        "bush-speed": bush.bush_speed,
+        "period": bush.period,
+        "frame": bush.frame != "fixed",
+        "between": bush.between != "spline",
+    }
+    for name, value in of_tables.items():
         refuse(value, f"--{name}: needs --loads, a table of loads")
-    part = _part(given, film_type, bush.lands, contact)
+    part = _part(quantities, film_type, bush.lands, contact)
     if bush.over is not None:
-        _over_speed(part, given, bush.model, output)
+        _over_speed(part, quantities, bush.model, output)
         return
     with waiting("Solving the film (the first time it is compiled as well) ..."):
-        found = jc.film.steady_bearing(part, given["load"], given["speed"])
+        steady_state = jc.film.steady_bearing(part, quantities["load"], quantities["speed"])
     output.emit(
-        found,
+        steady_state,
         bearing_tables,
-        lambda: jc.plot.interface.film_figures(found, bush.model),
+        lambda: jc.plot.interface.film_figures(steady_state, bush.model),
         written="Report, pictures and result",
-        beside={"model": bush.model},
+        metadata={"model": bush.model},
     )
 
 
-def _contact(given: dict[str, float]) -> dict[str, float]:
+def _contact(quantities: dict[str, float]) -> dict[str, float]:
     """The numbers of a contact by the names of its fields, taken out of those that are given."""
-    contact = {name: given.pop(name) for name in _CONTACT if name in given}
+    contact = {name: quantities.pop(name) for name in _CONTACT if name in quantities}
     for name, value in contact.items():
-        wrong = value < 0 or (value == 0 and name != "boundary-friction")
-        refuse(wrong, f"--{name} {value:.6g}: must be positive")
-    for name in list(_CONTACT)[:2] if contact else ():
-        refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
+        impossible = value < 0 or (value == 0 and name != "boundary-friction")
+        refuse(impossible, f"--{name} {value:.6g}: must be positive")
+    if contact:
+        for name in list(_CONTACT)[:2]:
+            refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
     return {_CONTACT[name]: value for name, value in contact.items()}
 
 
-def _part(given, film, lands: int, contact: dict[str, float]):
+def _part(quantities, film, lands: int, contact: dict[str, float]):
     """The bearing of the options."""
     rough = jc.film.AsperityContact(**contact) if contact else None
-    size = (given[name] for name in ("diameter", "length", "clearance", "viscosity"))
+    size = (quantities[name] for name in ("diameter", "length", "clearance", "viscosity"))
     return jc.JournalBearing(*size, film, lands=lands, contact=rough)
 
 
@@ -170,95 +176,104 @@ def _speeds(text: str) -> list[float]:
     """[rad/s] The speeds of --over, which rise."""
     from ._sweep import axis_values
 
-    name, equals, rest = (part.strip() for part in text.partition("="))
-    what = "must have the form speed=FROM:TO:COUNT"
-    refuse(name != "speed" or not equals, f"--over {text}: {what}")
-    speeds = sorted(axis_values(rest, "rad/s", f"--over {text}", False))
+    name, equals, range_text = (part.strip() for part in text.partition("="))
+    form = "must have the form speed=FROM:TO:COUNT"
+    refuse(name != "speed" or not equals, f"--over {text}: {form}")
+    speeds = sorted(axis_values(range_text, "rad/s", f"--over {text}", False))
     refuse(speeds[0] <= 0, f"--over {text}: speeds must be > 0 rad/s")
     return speeds
 
 
-def _over_speed(part, given: dict[str, Any], model: str, output: Output) -> None:
+def _over_speed(part, quantities: dict[str, Any], model: str, output: Output) -> None:
     """The friction of a bearing over its speed."""
     with waiting("Solving the films (the first time they are compiled as well) ..."):
-        found = jc.film.stribeck_curve(part, given["load"], given["speed"])
+        curve = jc.film.stribeck_curve(part, quantities["load"], quantities["speed"])
     output.emit(
-        found,
-        lambda result: stribeck_tables(found, result),
-        lambda: {"stribeck": jc.plot.stribeck(found)},
-        curves={"stribeck": found.columns},
+        curve,
+        lambda result: stribeck_tables(curve, result),
+        lambda: {"stribeck": jc.plot.stribeck(curve)},
+        curves={"stribeck": curve.columns},
         written="Report, picture, stribeck.csv and result.json",
-        beside={"model": model},
+        metadata={"model": model},
     )
 
 
-def stribeck_tables(found, result: dict[str, Any]):
+def stribeck_tables(curve, result: dict[str, Any]):
     """Friction of film and contact over speed, in some twenty rows."""
     heads = ("Speed, rpm", "Friction torque, N m", "of it contact", "Friction coefficient",
              "Smallest film, µm", "Load on the contact")  # fmt: skip
-    every = max(1, -(-len(result["speed"]) // 20))
-    cells = (
-        (f"{w * RPM:.5g}", f"{torque:.4g}", f"{100 * rubs / torque:.3g} %", f"{mu:.4g}",
-         f"{h * 1e6:.4g}", f"{100 * push / result['load']:.3g} %")
-        for w, torque, rubs, mu, h, push in zip(*(
-            result[name][::every] for name in ("speed", "friction_torque", "contact_torque",
-                                              "friction_coefficient", "minimum_film", "contact_load")
-        ), strict=True)
-    )  # fmt: skip
+    every = math.ceil(len(result["speed"]) / 20) or 1
+    rows = []
+    for point in range(0, len(result["speed"]), every):
+        torque = result["friction_torque"][point]
+        contact_share = result["contact_torque"][point] / torque
+        load_share = result["contact_load"][point] / result["load"]
+        rows.append((
+            f"{result['speed'][point] * RPM:.5g}",
+            f"{torque:.4g}",
+            f"{100 * contact_share:.3g} %",
+            f"{result['friction_coefficient'][point]:.4g}",
+            f"{result['minimum_film'][point] * 1e6:.4g}",
+            f"{100 * load_share:.3g} %",
+        ))  # fmt: skip
     yield row_table(
-        f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, cells
+        f"Friction over speed at {result['load']:.4g} N, {result['model']}", heads, rows
     )
     least = result["least_friction_speed"]
-    ends = (result["speed"][0], result["speed"][-1])
-    at_end = "" if ends[0] < least < ends[1] else ", an end of the range"
+    lowest = result["speed"][0]
+    highest = result["speed"][-1]
+    at_end = "" if lowest < least < highest else ", an end of the range"
     yield f"Least friction at {least * RPM:.4g} rpm{at_end}."
-    if found.bearing.contact is None:
+    if curve.bearing.contact is None:
         yield "Smooth surfaces; rough ones, by --roughness and --boundary-friction, touch in thin films."
     yield escape(f"{result['model']}: {result['limits']}")
 
 
 def _loaded(
-    bush: Bush, loads: Path, given: dict[str, float], contact: dict[str, float], output: Output
+    bush: Bush, loads: Path, quantities: dict[str, float], contact: dict[str, float], output: Output
 ) -> None:
     """The orbit of a journal under the loads of a table."""
     from ..crank import loaded_journal
     from ..scene.load_tables import read_loads
 
-    turns = bush.si({"journal-speed": "rad/s", "bush-speed": "rad/s", "period": "rad"})
+    motion = bush.si({"journal-speed": "rad/s", "bush-speed": "rad/s", "period": "rad"})
     model = bush.model
     refuse(model not in _MOVING, f"--model {model}: no journal moves in it; {' or '.join(_MOVING)}")
-    refuse(given["speed"] <= 0, f"--speed {given['speed']:.6g} rad/s: must be > 0 with --loads")
-    table = read_loads(loads, turns.get("period"), bush.frame, bush.between)
+    refuse(
+        quantities["speed"] <= 0,
+        f"--speed {quantities['speed']:.6g} rad/s: must be > 0 with --loads",
+    )
+    table = read_loads(loads, motion.get("period"), bush.frame, bush.between)
     shares = {}
     for name in ("journal", "bush"):
-        if f"{name}-speed" in turns:
-            own = getattr(table, f"{name}_speed") is not None
-            refuse(own, f"--{name}-speed: {loads} has a column {name}_speed; one must go")
-            shares[name] = turns[f"{name}-speed"] / given["speed"]
-    part = _part(given, model, bush.lands, contact)
+        if f"{name}-speed" in motion:
+            has_column = getattr(table, f"{name}_speed") is not None
+            refuse(has_column, f"--{name}-speed: {loads} has a column {name}_speed; one must go")
+            shares[name] = motion[f"{name}-speed"] / quantities["speed"]
+    part = _part(quantities, model, bush.lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
-        found = loaded_journal(part, table, given["speed"], **shares)
+        orbit = loaded_journal(part, table, quantities["speed"], **shares)
     output.emit(
-        found,
-        lambda whole: loaded_tables(found, whole),
-        lambda: jc.plot.interface.loaded_journal_figures(found),
-        curves={"orbit": found.columns},
+        orbit,
+        lambda result: loaded_tables(orbit, result),
+        lambda: jc.plot.interface.loaded_journal_figures(orbit),
+        curves={"orbit": orbit.columns},
         written="Report, pictures, orbit.csv and result.json",
-        beside={"model": model, "loads": str(loads)},
+        metadata={"model": model, "loads": str(loads)},
     )
 
 
-def loaded_tables(found, result: dict[str, Any]):
+def loaded_tables(orbit, result: dict[str, Any]):
     """Film, pressure, loss and flow of a journal under the loads of a table."""
     size = f"{result['length'] * 1e3:.4g} x {result['diameter'] * 1e3:.4g} mm"
     axes = {"fixed": "at rest", "journal": "turn with the journal", "bush": "turn with the bush"}
-    points = found.table.angle.size
-    way = {"spline": "cubic spline", "lines": "straight lines"}
+    points = orbit.table.angle.size
+    interpolation = {"spline": "cubic spline", "lines": "straight lines"}
     rows = [
         ("Viscosity", "viscosity", "mPa s", "in the film"),
         ("Speed", "speed", "rpm", "of the crank"),
         ("Loads", "table_period", "°",
-         f"{points} points, {way[found.table.between]}; axes {axes[found.table.frame]}"),
+         f"{points} points, {interpolation[orbit.table.between]}; axes {axes[orbit.table.frame]}"),
         ("Smallest film", "minimum_film", "µm",
          f"at {math.degrees(result['minimum_film_angle']):.5g}° of the crank"),
         ("Error of the solution", "film_error", "µm", "of that film, estimated"),
@@ -276,19 +291,20 @@ def loaded_tables(found, result: dict[str, Any]):
 
 
 def _check(
-    given: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
+    quantities: dict[str, float], model: str, ratios: tuple[float, float], lands: int = 1
 ) -> None:
-    size = {name: f"--{name} {value:.6g}" for name, value in given.items() if name != "speed"}
+    size = {name: f"--{name} {value:.6g}" for name, value in quantities.items() if name != "speed"}
     for name, unit in _SIZES.items():
-        refuse(given[name] <= 0, f"{size[name]} {unit}: must be > 0 {unit}")
-    refuse(given["speed"] == 0, "--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
-    refuse(given.get("load", 0) < 0, f"{size.get('load')} N: must be >= 0 N")
+        refuse(quantities[name] <= 0, f"{size[name]} {unit}: must be > 0 {unit}")
+    refuse(quantities["speed"] == 0, "--speed 0 rad/s: must not be 0 rad/s; a film needs motion")
+    refuse(quantities.get("load", 0) < 0, f"{size.get('load')} N: must be >= 0 N")
     refuse(lands not in (1, 2), f"--lands {lands}: must be 1 or 2")
-    radius = given["diameter"] / 2
-    ratio = given["length"] / given["diameter"] / lands
-    what = f"must be < {radius:.6g} m, the radius of the journal"
-    refuse(given["clearance"] >= radius, f"{size['clearance']} m: {what}")
+    radius = quantities["diameter"] / 2
+    ratio = quantities["length"] / quantities["diameter"] / lands
+    bound = f"must be < {radius:.6g} m, the radius of the journal"
+    refuse(quantities["clearance"] >= radius, f"{size['clearance']} m: {bound}")
     low, high = ratios
+    # 0.1 m / 0.2 m may miss the end of a range by a rounding
     refuse(
         not low * (1 - 1e-12) <= ratio <= high * (1 + 1e-12),
         f"{size['length']} m: length/diameter must be {low:g} to {high:g} for "
@@ -327,6 +343,6 @@ def bearing_tables(result: dict[str, Any]):
     if matrices["K, N/m"] is not None:
         title = "Stiffness and damping: x along the load, y 90 degrees ahead with rotation"
         heads = ("", *((place, ".4g") for place in ("xx", "xy", "yx", "yy")))
-        known = {name: matrix for name, matrix in matrices.items() if matrix is not None}
-        yield row_table(title, heads, ((name, *x, *y) for name, (x, y) in known.items()))
+        available = {name: matrix for name, matrix in matrices.items() if matrix is not None}
+        yield row_table(title, heads, ((name, *x, *y) for name, (x, y) in available.items()))
     yield escape(f"{result['model']}: {result['limits']}")

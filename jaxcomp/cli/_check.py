@@ -26,13 +26,13 @@ def check(case: opt.Case, as_json: opt.AsJson = False) -> None:
     try:
         scene = case.scene()
     except jc.scene.SceneError as error:
-        found = [error, *error.others]
+        errors = [error, *error.others]
         if as_json:
-            print_json(error_result(case.machine, found))
-        for one in found:
-            show_error(one)
-        if len(found) > 1:
-            typer.echo(f"{len(found)} errors", err=True)
+            print_json(error_result(case.machine, errors))
+        for problem in errors:
+            show_error(problem)
+        if len(errors) > 1:
+            typer.echo(f"{len(errors)} errors", err=True)
         raise typer.Exit(2) from None
     result = check_result(scene)
     show_results(result, check_tables(result), as_json)
@@ -41,10 +41,12 @@ def check(case: opt.Case, as_json: opt.AsJson = False) -> None:
 def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, Any]:
     """All errors of a file; the keys are stable."""
 
-    def plainly(value):
-        return value if isinstance(value, str | int | float | bool | None) else str(value)
-
-    rows = [{"key": e.key, "value": plainly(e.value), "problem": e.problem} for e in errors]
+    rows = []
+    for error in errors:
+        value = error.value
+        if not isinstance(value, str | int | float | bool | None):
+            value = str(value)
+        rows.append({"key": error.key, "value": value, "problem": error.problem})
     return {"file": file, "ok": False, "errors": rows}
 
 
@@ -89,9 +91,11 @@ def check_tables(result: dict[str, Any]):
 def _commands(scene: jc.scene.Scene) -> list[str]:
     """The commands that have something to work on."""
     design = ["compare", "sensitivity", "optimise", "sweep", "tolerance"]
-    out = [] if scene.compressor is None else ["run", "simulate", "animate", *design]
-    gas = None if scene.compressor is None else scene.compressor.gas
-    out += ["map"] if hasattr(getattr(gas, "fluid", None), "saturation") else []
+    out = []
+    if scene.compressor is not None:
+        out += ["run", "simulate", "animate", *design]
+        if hasattr(getattr(scene.compressor.gas, "fluid", None), "saturation"):
+            out += ["map"]
     if "rotor" in scene.parts:
         loads = scene.parts.get("loads")
         out += ["modes"]

@@ -15,7 +15,7 @@ from ._arguments import assignments, changed_scene
 from ._output import Output, OutputWithoutScene
 from ._start import CommandError, refuse, start_jax, waiting
 from ._sweep import default_quantities
-from ._tables import beside_table, row_table
+from ._tables import comparison_table, row_table
 
 
 def compare(
@@ -50,17 +50,17 @@ def compare(
     start_jax(once=True)
     scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
-        found = jc.study.compare(scenes, quantities=quantity)
+        comparison = jc.study.compare(scenes, quantities=quantity)
     machines_used = [
         {"label": label, "machine": scene.name, "file": scene.file}
         for label, scene in scenes.items()
     ]
     output.emit(
-        found,
-        lambda _: [beside_table(found)],
-        lambda: jc.plot.interface.compared_figures(found),
+        comparison,
+        lambda _: [comparison_table(comparison)],
+        lambda: jc.plot.interface.compared_figures(comparison),
         written="Report, pictures and result",
-        beside={"machines": machines_used, "set": list(sets or ())},
+        metadata={"machines": machines_used, "set": list(sets or ())},
     )
 
 
@@ -68,17 +68,17 @@ def _scenes(
     machines: Sequence[str], variants: Sequence[str], sets: Sequence[str]
 ) -> dict[str, jc.scene.Scene]:
     """The designs by their labels."""
-    found = {}
+    scenes = {}
     for place, machine in enumerate(machines, 1):
         scene = changed_scene(machine, sets)
-        label = f"{scene.name} ({place})" if scene.name in found else scene.name
-        found[label] = scene
+        label = f"{scene.name} ({place})" if scene.name in scenes else scene.name
+        scenes[label] = scene
     for text in variants:
         (name,) = assignments([text], "--with")
-        refuse(text in found, f"--with {text}: is given twice")
-        kept = [one for one in sets if one.partition("=")[0].strip() != name]
-        found[text] = changed_scene(machines[0], [*kept, text])
-    return found
+        refuse(text in scenes, f"--with {text}: is given twice")
+        base_settings = [setting for setting in sets if setting.partition("=")[0].strip() != name]
+        scenes[text] = changed_scene(machines[0], [*base_settings, text])
+    return scenes
 
 
 def sensitivity(
@@ -106,37 +106,40 @@ def sensitivity(
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
         options = analysis.options(scene, excitation)
-        found = jc.study.sensitivity(scene, names, options=options)
-    if not found.ok:
+        sensitivities = jc.study.sensitivity(scene, names, options=options)
+    if not sensitivities.ok:
         raise CommandError(
             f"{case.machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
         )
     output.emit(
-        found,
-        lambda _: sensitivity_tables(found, rows),
-        lambda: jc.plot.interface.sensitivity_figures(found, scene.name),
+        sensitivities,
+        lambda _: sensitivity_tables(sensitivities, rows),
+        lambda: jc.plot.interface.sensitivity_figures(sensitivities, scene.name),
         scene,
-        {"sensitivity": found.columns},
-        beside={"machine": scene.name},
+        {"sensitivity": sensitivities.columns},
+        metadata={"machine": scene.name},
     )
 
 
-def sensitivity_tables(found: jc.study.Sensitivity, rows: int) -> Iterator[Any]:
+def sensitivity_tables(sensitivities: jc.study.Sensitivity, rows: int) -> Iterator[Any]:
     """For each quantity the numbers with the largest influence."""
-    rows_of = zip(found.quantities, found.quantity_units, found.value, strict=True)
+    rows_of = zip(
+        sensitivities.quantities, sensitivities.quantity_units, sensitivities.value, strict=True
+    )
     for name, unit, value in rows_of:
         look = shown(name, unit, value)
-        ranked = found.ranking(name)
+        ranked = sensitivities.ranking(name)
         listed = []
         for relative in (True, False):
-            kind = [one for one in ranked if one.relative is relative]
-            listed += [(one.part, one.value, one.change) for one in kind[:rows]]
-            listed += [(f"and {len(kind) - rows} more with less", "", "")] * (len(kind) > rows)
+            entries = [entry for entry in ranked if entry.relative is relative]
+            listed += [(entry.part, entry.value, entry.change) for entry in entries[:rows]]
+            if len(entries) > rows:
+                listed.append((f"and {len(entries) - rows} more with less", "", ""))
             listed.append(())
         title = f"{look.words} {look.text(float(value))}: its change with every number"
         table = row_table(title, ("Number", "Value", "Change"), listed)
-        idle = len(found.numbers) - len(ranked)
+        idle = len(sensitivities.numbers) - len(ranked)
         if idle:
-            what = "number of the machine has" if idle == 1 else "numbers of the machine have"
-            table.caption = f"{idle} other {what} no influence."
+            subject = "number of the machine has" if idle == 1 else "numbers of the machine have"
+            table.caption = f"{idle} other {subject} no influence."
         yield table

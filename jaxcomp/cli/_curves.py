@@ -24,21 +24,21 @@ _OF_GAS = {
 }
 
 
-def curves(found: jc.study.SteadyState, step: float | None = None) -> dict[str, Any]:
+def curves(state: jc.study.SteadyState, step: float | None = None) -> dict[str, Any]:
     """The columns of a periodic state with the crank angle in degrees in front.
 
     Args:
-        found: the periodic state.
+        state: the periodic state.
         step: [deg] of an even grid from -180 to 180; at the nodes of the solver if absent.
     """
-    columns = found.columns()
+    columns = state.columns()
     nodes = np.asarray(columns.pop("crank_angle [rad]"))
     angle = nodes
     if step is not None:
         count = round(360 / step)
         angle = np.deg2rad(np.linspace(-180.0, 180.0, count + 1))
-        columns = _on_grid(found, columns, nodes, angle)
-    columns |= _of_gas(found, angle)
+        columns = _on_grid(state, columns, nodes, angle)
+    columns |= _of_gas(state, angle)
     degrees = np.rad2deg(angle)
     if step is not None:
         degrees = np.round(degrees, 9)
@@ -51,11 +51,11 @@ def curves(found: jc.study.SteadyState, step: float | None = None) -> dict[str, 
 
 
 def _on_grid(
-    found: jc.study.SteadyState, columns: dict[str, Any], nodes: np.ndarray, angle: np.ndarray
+    state: jc.study.SteadyState, columns: dict[str, Any], nodes: np.ndarray, angle: np.ndarray
 ) -> dict[str, Any]:
     """Columns at other angles: what the laws of the machine give there, the rest from node to node."""
-    orbit = found.orbit
-    turn = jc.plot.interface.fine_turn(found.compressor, orbit, angle)
+    orbit = state.orbit
+    turn = jc.plot.interface.fine_turn(state.compressor, orbit, angle)
     laws = {
         "speed [rad/s]": turn.state.speed,
         "acceleration [rad/s^2]": turn.state.acceleration,
@@ -86,30 +86,30 @@ def _on_grid(
     return out
 
 
-def _of_gas(found: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
+def _of_gas(state: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
     """Volume of every cylinder; with valves their lift and flow, temperature and mass of the gas too."""
-    compressor = found.compressor
-    cycle = found.orbit.cycle
+    compressor = state.compressor
+    cycle = state.orbit.cycle
     if compressor.gas is None:
         return {}
     out = {}
     phases = np.asarray(compressor.crankshaft.phase)
     for number, phase in enumerate(phases):
         several = f".{number + 1}" if len(phases) > 1 else ""
-        own = angle + phase
+        cylinder_angle = angle + phase
         if cycle is None:
             mechanism = of_cylinder(compressor.mechanism, number + 1)
             top = mechanism.piston_extremes()[0]
-            stroke = top - mechanism.piston(own)[0]
+            stroke = top - mechanism.piston(cylinder_angle)[0]
             out[f"displaced_volume{several} [m^3]"] = np.asarray(mechanism.piston_area * stroke)
             continue
         if not isinstance(cycle, SeveralCycles):
-            out |= _of_cycle(cycle, own, several)
+            out |= _of_cycle(cycle, cylinder_angle, several)
             continue
         for side in range(cycle.sides):
             end: Any = jax.tree.map(itemgetter(cycle.sides * number + side), cycle.each)
             # The crank end counts its own angle from half a revolution later.
-            out |= _of_cycle(end, own + side * np.pi, _OF_SIDE[side] + several)
+            out |= _of_cycle(end, cylinder_angle + side * np.pi, _OF_SIDE[side] + several)
     return out
 
 

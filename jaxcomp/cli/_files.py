@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -54,20 +55,22 @@ def new(
         machine (MACHINE): Bundled machine or machine file to start from, with its numbers.
         force: Write over a file.
     """
-    printed = str(file) == "-"
-    refuse(not printed and file.suffix != ".toml", f"{file}: must end in .toml")
-    there = not printed and file.exists() and not force
-    refuse(there, f"{file}: is there already; --force writes over it")
-    name = "my-machine" if printed else file.stem
-    scene = None if machine is None else jc.scene.load(machine)
-    start = jc.scene.start
-    start_from = jc.scene.interface.start_from
-    text = start(kind, name) if scene is None else start_from(scene, name)
-    if printed:
+    to_screen = str(file) == "-"
+    refuse(not to_screen and file.suffix != ".toml", f"{file}: must end in .toml")
+    would_overwrite = not to_screen and file.exists() and not force
+    refuse(would_overwrite, f"{file}: is there already; --force writes over it")
+    name = "my-machine" if to_screen else file.stem
+    if machine is None:
+        text = jc.scene.start(kind, name)
+        has_crank = kind != "rotor"
+    else:
+        scene = jc.scene.load(machine)
+        text = jc.scene.interface.start_from(scene, name)
+        has_crank = scene.compressor is not None
+    if to_screen:
         typer.echo(text, nl=False)
         return
     write_whole(file, text.encode())
-    has_crank = kind != "rotor" if scene is None else scene.compressor is not None
     verb = "run" if has_crank else "respond"
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
@@ -91,22 +94,22 @@ def upgrade(
     refuse(not file.is_file(), f"{file}: cannot be read: no such file")
     text = file.read_text(encoding="utf-8")
     try:
-        made = jc.scene.interface.upgraded(text)
+        upgraded_text = jc.scene.interface.upgraded(text)
     except ValueError as error:
         raise CommandError(f"{file}: {error}") from None
-    if made == text:
+    if upgraded_text == text:
         typer.echo(f"{file} has today's spelling already.")
         return
-    jc.scene.loads(made, str(file))
+    jc.scene.loads(upgraded_text, str(file))
     # the file itself is what this command is there to replace; any other one is somebody's
-    other = file.with_name(f"{file.name}.old") if out is None else out
+    target = file.with_name(f"{file.name}.old") if out is None else out
     refuse(
-        other.exists() and other != file and not force,
-        f"{other}: is there already; --force writes over it",
+        target.exists() and target != file and not force,
+        f"{target}: is there already; --force writes over it",
     )
     if out is None:
-        write_whole(other, text.encode())
-    write_whole(out or file, made.encode())
+        write_whole(target, text.encode())
+    write_whole(out or file, upgraded_text.encode())
     typer.echo(f"{out or file} is written. Next: jaxcomp check {out or file}")
 
 
@@ -126,13 +129,16 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
 
     if empty:
         forget_kept()
-    found = kept()
-    folder = str(found.folder) if found.folder else f"none: {found.why}"
-    table = _word_table("Compiled programs", ("", ""), [
-        ("folder", folder), ("programs", f"{found.programs}"), ("size", f"{found.size / 2**20:.1f} MiB"),
+    stored = kept()
+    folder = str(stored.folder) if stored.folder else f"none: {stored.why}"
+    rows = (
+        ("folder", folder),
+        ("programs", f"{stored.programs}"),
+        ("size", f"{stored.size / 2**20:.1f} MiB"),
         ("emptied by", "jaxcomp cache --empty"),
-    ])  # fmt: skip
-    show_results(found._asdict() | {"folder": found.folder and folder}, [table], as_json)
+    )
+    table = _word_table("Compiled programs", ("", ""), rows)
+    show_results(stored._asdict() | {"folder": stored.folder and folder}, [table], as_json)
 
 
 # ------------------------------------------------------------------- list
@@ -161,31 +167,31 @@ def list_machines(
     if fluid is not None and (machine != "fluids" or quantities):
         raise CommandError(f"list {machine} {fluid}: a second name stands behind `fluids` alone")
     if machine == "fluids" and not quantities:
-        found, tables = list_fluids() if fluid is None else list_fluid(fluid)
-        show_results(found, tables, as_json)
+        content, tables = list_fluids() if fluid is None else list_fluid(fluid)
+        show_results(content, tables, as_json)
         return
     if machine is not None:
         scene = _known_scene(machine)
-        listed = _values
+        listing = _values
         if quantities:
-            listed = _quantities
+            listing = _quantities
         elif variables:
-            listed = _variables
-        found, table = listed(scene)
+            listing = _variables
+        content, table = listing(scene)
     else:
-        found, table = _quantities() if quantities else _machines()
-    show_results(found, [table], as_json)
+        content, table = _quantities() if quantities else _machines()
+    show_results(content, [table], as_json)
 
 
 def _machines() -> tuple[dict[str, Any], Table]:
-    known = jc.scene.machines()
-    rows = ((bold(one.name), one.description) for one in known)
+    machines = jc.scene.machines()
+    rows = ((bold(machine.name), machine.description) for machine in machines)
     table = _word_table("Bundled machines", ("Name", "Description"), rows)
-    return {"machines": known}, table
+    return {"machines": machines}, table
 
 
 def _known_scene(machine: str) -> jc.scene.Scene:
-    names = [one.name for one in jc.scene.machines()]
+    names = [bundled.name for bundled in jc.scene.machines()]
     if machine not in names and not Path(machine).exists() and not machine.endswith(".toml"):
         near = did_you_mean(machine, [*names, "fluids"])
         raise CommandError(f"list {machine}: is no machine, no file and not `fluids`{near}")
@@ -195,57 +201,58 @@ def _known_scene(machine: str) -> jc.scene.Scene:
 
 def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Table]:
     """All quantities, or those of a machine joint by joint."""
-    known: Mapping[str, Quantity] = (
-        {one.name: one for one in registered()}
-        if scene is None
-        else jc.study.available_quantities(scene.machine, members=True)
-    )
-    found = {
-        name: {
-            "unit": one.unit,
-            "shown": units_of(one.unit, one.percent),
-            "better": one.better,
-            "needs": list(one.sections),
-            "doc": one.doc,
+    quantities: Mapping[str, Quantity]
+    if scene is None:
+        title = "Quantities"
+        quantities = {quantity.name: quantity for quantity in registered()}
+    else:
+        title = scene.name
+        quantities = jc.study.available_quantities(scene.machine, members=True)
+    entries = {}
+    rows = []
+    for name, quantity in quantities.items():
+        unit = units_of(quantity.unit, quantity.percent)
+        needs = ", ".join(quantity.sections)
+        rows.append((bold(name), unit, quantity.better, needs, quantity.doc))
+        entries[name] = {
+            "unit": quantity.unit,
+            "shown": unit,
+            "better": quantity.better,
+            "needs": list(quantity.sections),
+            "doc": quantity.doc,
         }
-        for name, one in known.items()
-    }
-    rows = (
-        (bold(name), one["shown"], one["better"], ", ".join(one["needs"]), one["doc"])
-        for name, one in found.items()
-    )
-    title = "Quantities" if scene is None else scene.name
     heads = ("Quantity", "Unit", "Better", "Needs", "Meaning")
-    return {"quantities": found}, _word_table(title, heads, rows)
+    return {"quantities": entries}, _word_table(title, heads, rows)
 
 
 def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     """The numbers that studies can change."""
     from ..scene.contents import describe_variables
 
-    found = describe_variables(scene)
-    rows = (
-        (name, shown(name, one["unit"], one["value"]).text(one["value"]), one["bound"], one["doc"])
-        for name, one in found.items()
-    )
+    variables = describe_variables(scene)
+    rows = []
+    for name, variable in variables.items():
+        value = variable["value"]
+        text = shown(name, variable["unit"], value).text(value)
+        rows.append((name, text, variable["bound"], variable["doc"]))
     heads = ("Variable", "Value", "Bound, SI", "Meaning")
-    return {"variables": found}, _word_table(scene.name, heads, rows)
+    return {"variables": variables}, _word_table(scene.name, heads, rows)
 
 
 def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     """Every value of a scene with its source."""
-    found = {}
+    entries = {}
     rows = []
     for row in jc.scene.describe(scene):
-        found[row.path] = row._asdict()
-        del found[row.path]["path"]
-        given = str(f"{row.value} {row.unit}".strip() if row.given is None else row.given)
-        if len(given) > _LONGEST:
-            given = f"{given[: _LONGEST // 2]} ... {given[-_LONGEST // 2 :]}"
-        rows.append((row.path, given, str(row.source), str(row.doc)))
+        entries[row.path] = row._asdict()
+        del entries[row.path]["path"]
+        value_text = f"{row.value} {row.unit}".strip() if row.given is None else str(row.given)
+        if len(value_text) > _LONGEST:
+            value_text = f"{value_text[: _LONGEST // 2]} ... {value_text[-_LONGEST // 2 :]}"
+        rows.append((row.path, value_text, str(row.source), str(row.doc)))
     title = f"{scene.name}: {scene.description}"
     table = _word_table(title, ("Value", "Given", "Source", "Meaning"), rows)
-    return {"name": scene.name, "description": scene.description, "values": found}, table
+    return {"name": scene.name, "description": scene.description, "values": entries}, table
 
 
 # ------------------------------------------------------------------- explain
@@ -264,9 +271,9 @@ def explain(
         rows, table = _parts()
         show_results({"parts": rows}, [table], as_json)
         return
-    found = jc.scene.interface.explained(part)
-    lines = [] if as_json else [line for one in found for line in _explained_lines(one)]
-    show_results({"word": part, "parts": found}, lines, as_json)
+    explanations = jc.scene.interface.explained(part)
+    lines = [] if as_json else chain.from_iterable(map(_explained_lines, explanations))
+    show_results({"word": part, "parts": explanations}, lines, as_json)
 
 
 def schema(
@@ -286,8 +293,8 @@ def schema(
         results: Schema of what commands print with --json and write to result.json, each under its name.
         force: Write over a file that is no schema of this program.
     """
-    made = results_schema() if results else jc.scene.json_schema()
-    text = json.dumps(made, indent=1, ensure_ascii=False)
+    content = results_schema() if results else jc.scene.json_schema()
+    text = json.dumps(content, indent=1, ensure_ascii=False)
     if file is None:
         typer.echo(text)
         return
@@ -311,26 +318,27 @@ def _parts() -> tuple[list[dict[str, Any]], Table]:
     """Every kind of part."""
     from ..scene.interface import summary
 
-    found = [
-        {"kind": where.kind, "places": where.titles, "summary": summary(part)}
-        for part, where in jc.scene.interface.part_places().items()
-    ]
-    rows = ((one["kind"], ", ".join(one["places"]), one["summary"]) for one in found)
+    parts = []
+    rows = []
+    for part, where in jc.scene.interface.part_places().items():
+        meaning = summary(part)
+        parts.append({"kind": where.kind, "places": where.titles, "summary": meaning})
+        rows.append((where.kind, ", ".join(where.titles), meaning))
     heads = ("Type", "Sections", "What it is")
-    return found, _word_table("Parts of a machine file", heads, rows)
+    return parts, _word_table("Parts of a machine file", heads, rows)
 
 
-def _explained_lines(one: jc.scene.interface.Explained) -> list[Table | Text]:
+def _explained_lines(explanation: jc.scene.interface.Explained) -> list[Table | Text]:
     """Lines on a part: its meaning, where it may stand, its entries, and how it is typed."""
     rows = (
         (e.name, e.unit, e.bound, "required" if e.required else e.default or "none", e.doc)
-        for e in one.entries
+        for e in explanation.entries
     )
     heads = ("Entry", "Unit", "Must be", "Default", "Meaning")
-    where = Text("May stand as ").append(", ".join(one.places))
-    example = Text(one.example + "\n", no_wrap=True, overflow="ignore")
+    where = Text("May stand as ").append(", ".join(explanation.places))
+    example = Text(explanation.example + "\n", no_wrap=True, overflow="ignore")
     return [
-        _word_table(f"{one.kind}: {one.summary}", heads, rows),
+        _word_table(f"{explanation.kind}: {explanation.summary}", heads, rows),
         where,
         Text("As typed in a file, with optional lines behind #:\n"),
         example,
@@ -339,4 +347,4 @@ def _explained_lines(one: jc.scene.interface.Explained) -> list[Table | Text]:
 
 def _word_table(title: str, heads: Sequence[str], rows) -> Table:
     """A table of words, of which the first column is not broken."""
-    return row_table(title, heads, rows, texts=len(heads), whole=(0,))
+    return row_table(title, heads, rows, texts=len(heads), unbroken=(0,))

@@ -126,7 +126,7 @@ def blend_entry(name: str) -> dict[str, Any]:
 
 
 def _words(title: str, heads, rows) -> Table:
-    return row_table(title, heads, rows, texts=len(heads), whole=(0,))
+    return row_table(title, heads, rows, texts=len(heads), unbroken=(0,))
 
 
 def _composition(fractions, unit: str = "") -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -42,8 +44,9 @@ class Polynomials:
 
         ends = fields_of(self, "evaporating", "condensing").items()
         over = [None if text is None else axis(text, name) for name, text in ends]
-        texts = [] if self.speed is None else self.speed.split(",")
-        speeds = [speed_of(one, "--speed") for one in texts] or [None]
+        speeds: list[float | None] = [None]
+        if self.speed is not None:
+            speeds = [speed_of(text, "--speed") for text in self.speed.split(",")]
         return [
             read_measurement(file, scene.machine, *over, speed).solved_by(method)
             for file in files
@@ -62,7 +65,7 @@ class Split:
         """Points that are not fitted, counted over all files."""
         import numpy as np
 
-        counts = [len(set(one.entries({}).point.tolist())) for one in data_sets]
+        counts = [len(set(data_set.entries({}).point.tolist())) for data_set in data_sets]
         if self.fit_at is not None:
             refuse(self.hold_out, "--hold-out and --fit-at: give one of the two")
             return _not_named(data_sets, counts, self.fit_at)
@@ -70,8 +73,10 @@ class Split:
             return []
         number = self.hold_out
         total = sum(counts)
-        what = f"--hold-out {number}: must be from 1 to {total - 1} of the points"
-        refuse(not 0 < number < total, what)
+        refuse(
+            not 0 < number < total,
+            f"--hold-out {number}: must be from 1 to {total - 1} of the points",
+        )
         return np.random.default_rng(seed).choice(total, number, replace=False).tolist()
 
 
@@ -138,41 +143,47 @@ def identify(
     data_sets = polynomials.read(data, scene, method)
     if own_factors:
         data_sets = jc.study.interface.with_own_factors(data_sets)
-    bounds, known = _bounds(scene, vary or ()), {}
-    if not vary:
-        scene, bounds, known = _by_recipe(scene, data_sets)
-    known |= _priors(scene, prior)
+    if vary:
+        bounds = _bounds(scene, vary)
+        priors = {}
+    else:
+        scene, bounds, priors = _by_recipe(scene, data_sets)
+    priors |= _priors(scene, prior)
     held = split.held_out(data_sets, seed)
-    ahead = None if predict is None else polynomials.read([predict], scene, method)[0]
+    prediction_points = None if predict is None else polynomials.read([predict], scene, method)[0]
     options = {"sd": _deviations(data_sets, sd), "hold_out": held}
     options |= {"loss": loss, "starts": starts, "seed": seed}
-    given = scene, data_sets, bounds, known
-    found, said = _identified(*given, options, ahead, output.out)
-    curves: dict[str, Any] = {"readings": found.columns}
-    beside: dict[str, Any] = {"machine": scene.name, "file": scene.file}
-    if said is not None:
-        curves["predicted"] = said.columns
-        beside["predicted"] = said.columns()
+    identification, prediction = _identified(
+        scene, data_sets, bounds, priors, options, prediction_points, output.out
+    )
+    curves: dict[str, Any] = {"readings": identification.columns}
+    metadata: dict[str, Any] = {"machine": scene.name, "file": scene.file}
+    if prediction is not None:
+        curves["predicted"] = prediction.columns
+        metadata["predicted"] = prediction.columns()
 
     def tables(_) -> Iterator[Any]:
-        yield from identification_tables(found, scene.name)
-        yield from () if said is None else prediction_tables(*said)
+        yield from identification_tables(identification, scene.name)
+        if prediction is not None:
+            yield from prediction_tables(*prediction)
 
     output.emit(
-        found,
+        identification,
         tables,
-        lambda: jc.plot.interface.identification_figures(found, scene.name),
-        identified_scene(scene, found),
+        lambda: jc.plot.interface.identification_figures(identification, scene.name),
+        identified_scene(scene, identification),
         curves,
         files=lambda: {
-            "identified.json": json.dumps(plain(found.nested()), indent=1),
-            "tolerances.toml": identified_tolerances(found),
+            "identified.json": json.dumps(plain(identification.nested()), indent=1),
+            "tolerances.toml": identified_tolerances(identification),
         },
-        beside=beside,
+        metadata=metadata,
     )
 
 
-def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead, out: Path | None):
+def _identified(
+    scene, data_sets, bounds, priors, options: dict[str, Any], prediction_points, out: Path | None
+):
     """The identification, and what it predicts; the best estimate so far is kept."""
     partial = Partial(out, "evaluations")
 
@@ -188,64 +199,82 @@ def _identified(scene, data_sets, bounds, known, options: dict[str, Any], ahead,
                 status.update(f"{text} ...")
 
         options |= {"progress": progress, "keep": keep}
-        found = jc.study.identify(scene, data_sets, bounds, known, **options)
-        said = None if ahead is None else found.predict(ahead)
-    partial.done()
-    return found, said
+        identification = jc.study.identify(scene, data_sets, bounds, priors, **options)
+        prediction = (
+            None if prediction_points is None else identification.predict(prediction_points)
+        )
+    partial.finish()
+    return identification, prediction
 
 
-def identification_tables(found, name: str) -> Iterator[Any]:
+def identification_tables(identification, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
     rows = []
-    for one in found.nested()["parameters"]:
-        path = one["name"]
-        unit = one["unit"]
-        share = one["prior_share"]
+    for parameter in identification.nested()["parameters"]:
+        path = parameter["name"]
+        unit = parameter["unit"]
+        share = parameter["prior_share"]
         level = is_temperature(path, unit)
         look = shown(path, unit, 0.0) if level else Shown(path, unit, 1.0)
-        both = (look.number(one[key]) for key in ("start", "estimate"))
-        left = "" if share != share else f"{share:.0%}"
-        rows.append((path, look.units, *both, f"{one['standard_error']:.5g}", left))
+        rows.append(
+            (
+                path,
+                look.units,
+                look.number(parameter["start"]),
+                look.number(parameter["estimate"]),
+                f"{parameter['standard_error']:.5g}",
+                "" if math.isnan(share) else f"{share:.0%}",
+            )
+        )
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
-    yield row_table(f"{name}: identified from {found.source}", heads, rows, texts=2)
-    chi = f"Chi-square {float(found.chi_square):.4g} on {int(found.freedom)}"
-    yield f"{chi}, p = {float(found.p_value):.2g}."
-    looks = {
-        one: shown(one, found.kinds[one].unit, found.measured[found.of(one)])
-        for one in found.quantities
-    }
-    few = [one for one in looks if found.of(one).sum() <= _MOST]
-    yield from (_readings(found, one, looks[one]) for one in few)
+    yield row_table(f"{name}: identified from {identification.source}", heads, rows, texts=2)
+    chi = f"Chi-square {float(identification.chi_square):.4g} on {int(identification.freedom)}"
+    yield f"{chi}, p = {float(identification.p_value):.2g}."
+    looks = {}
+    for quantity in identification.quantities:
+        measured = identification.measured[identification.of(quantity)]
+        looks[quantity] = shown(quantity, identification.kinds[quantity].unit, measured)
+        if measured.size <= _MOST:
+            yield _readings(identification, quantity, looks[quantity])
     for quantity, look in looks.items():
-        error = found.error(quantity)[found.used[found.of(quantity)]]
+        error = identification.error(quantity)[identification.used[identification.of(quantity)]]
         if error.size > _MOST:
-            size = _error(float((error**2).mean() ** 0.5), *found.kinds[quantity], look)
+            size = _error(float((error**2).mean() ** 0.5), *identification.kinds[quantity], look)
             yield f"{look.label}: {error.size} readings, RMS error {size.lstrip('+')}."
     rows = []
-    for quantity, held in found.held_out.items():
-        kind = found.kinds[quantity]
+    for quantity, held in identification.held_out.items():
+        kind = identification.kinds[quantity]
         look = looks[quantity]
         size = (_error(x, *kind, look).lstrip("+") for x in (held.rms, held.largest))
         rows.append((quantity, str(held.count), *size, f"{held.inside:.0%}"))
     if rows:
         heads = ("Points not fitted", "Count", "RMS", "Largest", "Inside 95 %")
         yield row_table("Predicted", heads, rows)
-    yield from (f"[yellow]Note:[/yellow] {note}." for note in found.notes)
+    yield from (f"[yellow]Note:[/yellow] {note}." for note in identification.notes)
 
 
-def _readings(found, quantity: str, look: Shown):
+def _readings(identification, quantity: str, look: Shown):
     """The readings of a quantity, each with what was computed."""
-    mine = found.of(quantity)
-    columns = (found.measured, found.computed, found.half_width, found.used)
-    names = [name for name, one in zip(found.names, mine, strict=True) if one]
-    lists = (one[mine].tolist() for one in columns)
-    cells = [
-        (at, look.number(m), look.number(c), _error(e, *found.kinds[quantity], look),
-         f"{h * look.factor:.2g}", "fitted" if used else "predicted")
-        for at, m, c, h, used, e in zip(names, *lists, found.error(quantity).tolist(), strict=True)
-    ]  # fmt: skip
+    import numpy as np
+
+    of_quantity = identification.of(quantity)
+    kind = identification.kinds[quantity]
+    errors = identification.error(quantity).tolist()
+    rows = []
+    for reading, error in zip(np.flatnonzero(of_quantity).tolist(), errors, strict=True):
+        half_width = float(identification.half_width[reading])
+        rows.append(
+            (
+                identification.names[reading],
+                look.number(float(identification.measured[reading])),
+                look.number(float(identification.computed[reading])),
+                _error(error, *kind, look),
+                f"{half_width * look.factor:.2g}",
+                "fitted" if identification.used[reading] else "predicted",
+            )
+        )
     heads = ("Point", "Measured", "Computed", "Error", "95 %, +-", "")
-    return row_table(look.label, heads, cells)
+    return row_table(look.label, heads, rows)
 
 
 def _error(value: float, unit: str, relative: bool, look) -> str:
@@ -254,61 +283,65 @@ def _error(value: float, unit: str, relative: bool, look) -> str:
     return f"{value:+.2f} K" if unit == "K" else f"{value * look.factor:+.3g}"
 
 
-def prediction_tables(entries, said) -> Iterator[Any]:
+def prediction_tables(entries, prediction) -> Iterator[Any]:
     """Predictions with their intervals."""
     rows = []
     for n, name in enumerate(entries.quantity):
-        look = shown(name, entries.kinds[name].unit, said.value[n : n + 1])
-        cells = (look.number(said.value[n]), look.difference(said.inflated[n]))
+        look = shown(name, entries.kinds[name].unit, prediction.value[n : n + 1])
+        cells = (look.number(prediction.value[n]), look.difference(prediction.inflated[n]))
         rows.append((entries.names[n], look.label, *cells))
     yield row_table("Predicted", ("Point", "Quantity", "Value", "95 %, +-"), rows, texts=2)
 
 
 def _by_recipe(scene, data_sets):
     """The scene of a similar machine of the right size, what is varied of it, and priors."""
-    maps = [one for one in data_sets if isinstance(one, jc.study.Readings)]
+    maps = [data_set for data_set in data_sets if isinstance(data_set, jc.study.Readings)]
     refuse(not maps, "--vary: is missing; only a map can do without")
-    made = jc.study.map_recipe(scene, maps)
+    recipe = jc.study.map_recipe(scene, maps)
     source = f"similar to {scene.name}, of the size that the flow wants"
-    return jc.scene.interface.with_machine(scene, made.machine, source), made.vary, made.prior
+    return jc.scene.interface.with_machine(scene, recipe.machine, source), recipe.vary, recipe.prior
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
     out = {}
     for text in texts:
-        name, equals, given = (part.strip() for part in text.partition("="))
-        low, colon, high = given.partition(":")
+        name, equals, range_text = (part.strip() for part in text.partition("="))
+        low, colon, high = range_text.partition(":")
         refuse(equals and not colon, f"--vary {text}: must be PATH or PATH=LO:HI")
         unit = jc.study.interface.varied(scene.machine, name).unit
-        out[name] = (
-            tuple(si(one, unit, f"--vary {name}") for one in (low, high)) if equals else None
-        )
+        out[name] = None
+        if equals:
+            out[name] = (si(low, unit, f"--vary {name}"), si(high, unit, f"--vary {name}"))
     return out
 
 
 def _priors(scene, texts) -> dict[str, tuple[float, float]]:
     out = {}
-    for name, given in assignments(texts, "--prior").items():
-        mean, sign, width = given.partition("+-")
-        refuse(not sign, f"--prior {name}={given}: must be PATH=VALUE+-SD")
+    for name, prior_text in assignments(texts, "--prior").items():
+        mean, sign, width = prior_text.partition("+-")
+        refuse(not sign, f"--prior {name}={prior_text}: must be PATH=VALUE+-SD")
         unit = jc.study.interface.varied(scene.machine, name).unit
-        both = ((mean, False), (width, True))
-        out[name] = tuple(si(one.strip(), unit, f"--prior {name}", sd) for one, sd in both)
+        option = f"--prior {name}"
+        # a width is a difference: of a temperature in degrees Celsius no zero is taken off it
+        out[name] = (si(mean.strip(), unit, option), si(width.strip(), unit, option, True))
     return out
 
 
 def _deviations(data_sets, texts) -> dict[str, float]:
     from .._core.words import one_of
 
-    known = list(dict.fromkeys(name for one in data_sets for name in one.names_of_sd))
-    relative = {
-        name: kind.relative for one in data_sets for name, kind in one.entries({}).kinds.items()
-    }
+    names = []
+    relative = {}
+    for data_set in data_sets:
+        names += data_set.names_of_sd
+        for name, kind in data_set.entries({}).kinds.items():
+            relative[name] = kind.relative
+    names = list(dict.fromkeys(names))
     out = {}
-    for name, given in assignments(texts, "--sd").items():
-        refuse(name not in known, f"--sd {name}: must be {one_of(name, known)}")
+    for name, deviation_text in assignments(texts, "--sd").items():
+        refuse(name not in names, f"--sd {name}: must be {one_of(name, names)}")
         unit = "K" if name.endswith("temperature") and not relative.get(name, True) else ""
-        out[name] = si(given, unit, f"--sd {name}", difference=True)
+        out[name] = si(deviation_text, unit, f"--sd {name}", difference=True)
     return out
 
 
@@ -320,23 +353,25 @@ def _not_named(data_sets: Sequence[Any], counts: Sequence[int], fit_at: str) -> 
     pairs = zip(first[:-1], data_sets, strict=True)
     maps = [pair for pair in pairs if isinstance(pair[1], jc.study.Readings)]
     refuse(not maps, "--fit-at: needs points of a map in --data")
-    points = np.concatenate([n + np.arange(one.evaporating.size) for n, one in maps])
-    names = [name for _, one in maps for name in one.names]
+    points = np.concatenate([n + np.arange(data.evaporating.size) for n, data in maps])
+    evaporating = np.concatenate([data.evaporating for _, data in maps])
+    condensing = np.concatenate([data.condensing for _, data in maps])
+    names = list(chain.from_iterable(data.names for _, data in maps))
     used = np.zeros(points.size, bool)
     for text in fit_at.split(","):
         try:
-            s, d = (
-                si(one, "K", f"--fit-at {side}", default_unit="degC")
-                for side, one in zip(("evaporating", "condensing"), text.split("/"), strict=True)
-            )
+            evaporating_text, condensing_text = text.split("/")
+            s = si(evaporating_text, "K", "--fit-at evaporating", default_unit="degC")
+            d = si(condensing_text, "K", "--fit-at condensing", default_unit="degC")
         except ValueError:
             raise CommandError(
                 f"--fit-at {text}: must be EVAPORATING/CONDENSING, as -5/30 or 23F/86F"
             ) from None
-        away = [np.hypot(one.evaporating - s, one.condensing - d) for _, one in maps]
-        away = np.concatenate(away)
-        closest = names[int(away.argmin())]
-        what = f"--fit-at {text}: is no point of the data; the closest is {closest}"
-        refuse(away.min() > _SAME, what)
-        used |= away <= _SAME
+        distance = np.hypot(evaporating - s, condensing - d)
+        closest = names[int(distance.argmin())]
+        refuse(
+            distance.min() > _SAME,
+            f"--fit-at {text}: is no point of the data; the closest is {closest}",
+        )
+        used |= distance <= _SAME
     return points[~used].tolist()

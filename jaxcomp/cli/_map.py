@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from math import pi
 from typing import Annotated, Any, Literal
 
@@ -67,51 +68,56 @@ def rating_map(
         f"--coefficients {coefficients}: needs --speeds, at least three",
     )
     scene = scenes[0]
-    of_file = (
-        "dew" if scene.compressor is None else getattr(scene.compressor.gas, "reference", "dew")
-    )
-    kind = of_file if reference is None else reference
+    kind = reference
+    if kind is None:
+        gas = None if scene.compressor is None else scene.compressor.gas
+        kind = getattr(gas, "reference", "dew")
     refuse(
         kind == "mean" and form != "csv",
         f"--format {form}: takes dew temperatures; map with --reference dew",
     )
     options = jc.cylinder.CycleOptions()
-    options = options if cycle is None else opt.cycle_of(options, cycle)
+    if cycle is not None:
+        options = opt.cycle_of(options, cycle)
     method = opt.chosen_solver(solver, scene)
     with waiting("Solving the points (the first time they are compiled as well) ..."):
-        maps = {
-            n / (2 * pi): jc.study.rating.rating_map(one, *over, rating, options, method, kind)
-            for n, one in {_speed(one): one for one in scenes}.items()
-        }
-    found = next(iter(maps.values()))
+        # a speed that is named twice is solved once
+        by_speed = {_speed(at_speed): at_speed for at_speed in scenes}
+        maps = {}
+        for speed, at_speed in by_speed.items():
+            maps[speed / (2 * pi)] = jc.study.rating.rating_map(
+                at_speed, *over, rating, options, method, kind
+            )
+    points = next(iter(maps.values()))
     files = {}
-    if output.out is not None and found.coefficients:
-        told = rating_metadata(scene, rating, kind)
+    if output.out is not None and points.coefficients:
+        metadata = rating_metadata(scene, rating, kind)
         files[FORMATS[form]] = polynomial_text(
-            maps, int(coefficients), told, form, scene.as_compressor()
+            maps, int(coefficients), metadata, form, scene.as_compressor()
         )
     output.emit(
-        found,
-        lambda _: map_tables(found, scene.name, glide_text(scene, found)),
-        lambda: jc.plot.interface.rating_figures(found, scene.name),
+        points,
+        lambda _: map_tables(points, scene.name, glide_text(scene, points)),
+        lambda: jc.plot.interface.rating_figures(points, scene.name),
         scene,
-        {"map": lambda: _columns(found)},
+        {"map": lambda: _columns(points)},
         files=lambda: files,
-        beside={"machine": scene.name, "file": scene.file, **case.changes},
+        metadata={"machine": scene.name, "file": scene.file, **case.changes},
     )
 
 
-def _columns(found: jc.study.rating.RatingMap) -> dict[str, list[float]]:
+def _columns(points: jc.study.rating.RatingMap) -> dict[str, list[float]]:
     """The points for people: temperatures in degrees Celsius, numbers with the digits that they have."""
     from ..study.rating import ZERO
 
     columns = {}
-    for name, values in found.columns().items():
-        degrees = name.endswith(" [K]")
-        shift = ZERO if degrees else 0.0
-        head = f"{name.removesuffix(' [K]')} [degC]" if degrees else name
-        columns[head] = [value if isinstance(value, bool) else _rounded(value - shift)
-                         for value in values.tolist()]  # fmt: skip
+    for name, values in points.columns().items():
+        if name.endswith(" [K]"):
+            name = f"{name.removesuffix(' [K]')} [degC]"
+            values = values - ZERO
+        columns[name] = values.tolist()
+        if values.dtype != bool:
+            columns[name] = [_rounded(value) for value in columns[name]]
     return columns
 
 
@@ -127,7 +133,7 @@ def _at_speeds(case: opt.Case, speeds: str | None) -> list[jc.scene.Scene]:
     if speeds is None:
         return [scene]
     texts = with_one_unit(speeds.split(","))
-    return [changed_scene(case.machine, [*sets, f"motor.mean_speed={one}"]) for one in texts]
+    return [changed_scene(case.machine, [*sets, f"motor.mean_speed={text}"]) for text in texts]
 
 
 def _speed(scene: jc.scene.Scene) -> float:
@@ -135,7 +141,7 @@ def _speed(scene: jc.scene.Scene) -> float:
     return float(scene.as_compressor().motor.speed_guess)
 
 
-def glide_text(scene: jc.scene.Scene, found) -> str:
+def glide_text(scene: jc.scene.Scene, points) -> str:
     """Glide at the ends of both axes, in words; "" of a fluid without."""
     gas: Any = scene.as_compressor().gas
     fluid = gas.fluid
@@ -145,50 +151,51 @@ def glide_text(scene: jc.scene.Scene, found) -> str:
 
     words = []
     for side, temperatures in (
-        ("evaporating", found.evaporating),
-        ("condensing", found.condensing),
+        ("evaporating", points.evaporating),
+        ("condensing", points.condensing),
     ):
         for mean_or_dew in dict.fromkeys((float(temperatures[0]), float(temperatures[-1]))):
             dew = mean_or_dew
             # of the whole line, also in the evaporator
-            if found.reference == "mean":
+            if points.reference == "mean":
                 dew = float(fluid.dew_of_mean(mean_or_dew))
             glide = dew - float(fluid.bubble_of_dew(dew))
             words.append(f"{glide:.3g} K at {mean_or_dew - ZERO:.4g} °C {side}")
-    told = "dew points" if found.reference == "dew" else "mean temperatures"
-    return f"Temperatures are {told}; glide of {fluid.name}: {', '.join(words)}."
+    kind = "dew points" if points.reference == "dew" else "mean temperatures"
+    return f"Temperatures are {kind}; glide of {fluid.name}: {', '.join(words)}."
 
 
-def map_tables(found, name: str, glide: str = ""):
+def map_tables(points, name: str, glide: str = ""):
     """Capacity, power and COP, and the coefficients."""
     from ..study.rating import QUANTITIES, ZERO
 
-    units = {one: unit for one, unit, _ in QUANTITIES}
-    for one in ("capacity", "power", "cop"):
-        look = shown(one, units[one], found.values[one])
-        heads = ("Evaporating, °C", *(f"{t - ZERO:.4g}" for t in found.condensing.tolist()))
-        cells = (
-            (f"{t - ZERO:.4g}", *("" if x != x else f"{x * look.factor:.4g}" for x in row))
-            for t, row in zip(found.evaporating.tolist(), found.values[one].tolist(), strict=True)
-        )
-        yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, cells)
+    units = {quantity: unit for quantity, unit, _ in QUANTITIES}
+    for quantity in ("capacity", "power", "cop"):
+        look = shown(quantity, units[quantity], points.values[quantity])
+        heads = ("Evaporating, °C", *(f"{t - ZERO:.4g}" for t in points.condensing.tolist()))
+        values = (points.values[quantity] * look.factor).tolist()
+        rows: list[Any] = []
+        for evaporating, row in zip(points.evaporating.tolist(), values, strict=True):
+            cells = ("" if math.isnan(value) else f"{value:.4g}" for value in row)
+            rows.append((f"{evaporating - ZERO:.4g}", *cells))
+        yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, rows)
     if glide:
         yield glide
-    failed = int((~found.ok).sum())
+    failed = int((~points.ok).sum())
     if failed:
-        yield f"[yellow]Note:[/yellow] {failed} of {found.ok.size} points failed and are empty."
-    if not found.coefficients:
+        yield f"[yellow]Note:[/yellow] {failed} of {points.ok.size} points failed and are empty."
+    if not points.coefficients:
         yield "No coefficients: they take ten points, with four temperatures on either axis."
         return
     terms = ("1", "S", "D", "S^2", "S D", "D^2", "S^3", "D S^2", "S D^2", "D^3")
-    rows: list[Any] = [
-        (f"C{n}", term, *(f"{x:.8g}" for x in row))
-        for n, (term, *row) in enumerate(zip(terms, *found.coefficients.values(), strict=True), 1)
-    ]
-    errors = (f"{100 * float(e):.2g} %" for e in found.fit_error.values())
-    worst = (", ".join(f"{t - ZERO:.4g}" for t in at) for at in found.worst_point.values())
+    rows = []
+    polynomials = zip(terms, *points.coefficients.values(), strict=True)
+    for number, (term, *row) in enumerate(polynomials, 1):
+        rows.append((f"C{number}", term, *(f"{value:.8g}" for value in row)))
+    errors = (f"{100 * float(e):.2g} %" for e in points.fit_error.values())
+    worst = (f"{s - ZERO:.4g}, {d - ZERO:.4g}" for s, d in points.worst_point.values())
     rows += [(), ("", "largest error, of the point", *errors), ("", "at S, D", *worst)]
-    labels = (f"{one}, {units[one]}" for one in found.coefficients)
+    labels = (f"{quantity}, {units[quantity]}" for quantity in points.coefficients)
     title = "Polynomial of AHRI 540, S evaporating and D condensing in °C"
     yield row_table(title, ("", "Term", *labels), rows, texts=2)
 

@@ -52,43 +52,39 @@ def modes(
     points, range_ = points_and_range(scene, speed, speeds)
     model = rotor_of(scene, *(() if free else (points, range_)))
     with waiting():
-        found = jc.vibration.rotor_modes(
+        rotor_modes = jc.vibration.rotor_modes(
             model, points, count, over=range_, free=free, damping=not undamped
         )
-    curves = {"modes": found.columns}
-    diagram = found.campbell
+    curves = {"modes": rotor_modes.columns}
+    diagram = rotor_modes.campbell
     if diagram is not None:
         curves["campbell"] = lambda: plain(diagram.columns())
     output.emit(
-        found,
-        lambda whole: modes_tables(whole, overdamped),
-        lambda: jc.plot.interface.rotor_modes_figures(found),
+        rotor_modes,
+        lambda result: modes_tables(result, overdamped),
+        lambda: jc.plot.interface.rotor_modes_figures(rotor_modes),
         scene,
         curves,
-        beside=header(scene) | case.changes,
+        metadata=header(scene) | case.changes,
     )
 
 
 def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[Any]:
     """Modes at each speed, critical speeds, stability; strongly damped modes only on request."""
-    for speed, found in zip(result["speeds"], result["modes"], strict=True):
-        yield _modes(result, speed, found, overdamped)
+    for speed, speed_modes in zip(result["speeds"], result["modes"], strict=True):
+        yield _modes(result, speed, speed_modes, overdamped)
     if "campbell" in result:
         yield _critical(result["campbell"]["critical_speeds"])
-    rows = [
-        (
-            f"At {speed * RPM:.5g} rpm",
-            "stable" if stable else Markup("[bold red]unstable"),
-            f"largest real part {growth:.3g} 1/s",
-        )
-        for speed, stable, growth in zip(
-            result["speeds"], result["stable"], result["growth"], strict=True
-        )
-    ]
+    rows = []
+    by_speed = zip(result["speeds"], result["stable"], result["growth"], strict=True)
+    for speed, stable, growth in by_speed:
+        verdict = "stable" if stable else Markup("[bold red]unstable")
+        growth_text = f"largest real part {growth:.3g} 1/s"
+        rows.append((f"At {speed * RPM:.5g} rpm", verdict, growth_text))
     yield row_table(None, ("Stability", "", ""), [*rows, *pull_row(result)], texts=3)
 
 
-def _modes(result, speed, found, overdamped):
+def _modes(result, speed, speed_modes, overdamped):
     where = "without links" if result["free"] else f"at {speed * RPM:.5g} rpm"
     rows = [
         (
@@ -99,26 +95,30 @@ def _modes(result, speed, found, overdamped):
             whirl(mode["whirl"]),
             mode["subset"],
         )
-        for number, mode in enumerate(found, 1)
+        for number, mode in enumerate(speed_modes, 1)
         if overdamped or not mode["damping_ratio"] > _NO_PEAK
     ]
-    hidden = len(found) - len(rows)
-    more = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
+    hidden = len(speed_modes) - len(rows)
+    hidden_text = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
     heads = ("Mode", ("Hz", ".5g"), "rpm", ("Damping, %", ".3g"), "Whirl", "Moves most")
     title = f"{result['machine']}: modes {where}"
-    return row_table(title, heads, rows, caption=more if hidden else None)
+    return row_table(title, heads, rows, caption=hidden_text if hidden else None)
 
 
-def _critical(found):
+def _critical(crossings):
     rows = [
-        (rounded(one["speed"] * RPM, 5), one["speed"] * _HERTZ, 100 * one["damping_ratio"])
-        for one in found
-        if not one["damping_ratio"] > _NO_PEAK
+        (
+            rounded(crossing["speed"] * RPM, 5),
+            crossing["speed"] * _HERTZ,
+            100 * crossing["damping_ratio"],
+        )
+        for crossing in crossings
+        if not crossing["damping_ratio"] > _NO_PEAK
     ]
-    hidden = len(found) - len(rows)
-    more = f"{hidden} more with a damping above 70 %, which gives no peak"
+    hidden = len(crossings) - len(rows)
+    hidden_text = f"{hidden} more with a damping above 70 %, which gives no peak"
     heads = ("rpm", ("Hz", ".5g"), ("Damping, %", ".3g"))
-    return row_table("Critical speeds", heads, rows, caption=more if hidden else None)
+    return row_table("Critical speeds", heads, rows, caption=hidden_text if hidden else None)
 
 
 # ------------------------------------------------------------------- update
@@ -164,28 +164,27 @@ def update(
     if not isinstance(test, ModalTest):
         raise CommandError(f'{measured}: must have a column "frequency [Hz]" and a line below it')
     for path in variable:
-        wrong = f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
-        refuse(not path.startswith("rotor."), wrong)
+        problem = f"--variable {path}: must begin with rotor, such as rotor.shafts.0.length"
+        refuse(not path.startswith("rotor."), problem)
     test = dataclasses.replace(test, free=test.free and not held)
     with waiting("Fitting (the first time it is compiled as well) ..."):
-        found = jc.study.update_rotor(scene, test, variable, (low, high), regularisation)
-    fitted = identified_scene(scene, found.identification)
+        fit = jc.study.update_rotor(scene, test, variable, (low, high), regularisation)
+    fitted = identified_scene(scene, fit.identification)
     output.emit(
-        found,
+        fit,
         update_tables,
         lambda: {"rotor": jc.plot.interface.rotor_drawing(rotor_of(fitted))},
         fitted,
-        beside=header(scene) | case.changes,
+        metadata=header(scene) | case.changes,
     )
 
 
 def update_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Frequencies before and after, and the fitted numbers."""
-    rows = (
-        (row["mode"], *(row[key] * _HERTZ for key in ("measured", "before", "after")),
-         f"{100 * row['error']:.2g} %")
-        for row in result["modes"]
-    )  # fmt: skip
+    rows = []
+    for mode in result["modes"]:
+        hertz = (mode[key] * _HERTZ for key in ("measured", "before", "after"))
+        rows.append((mode["mode"], *hertz, f"{100 * mode['error']:.2g} %"))
     heads = ("Mode", ("Measured", ".5g"), ("Before", ".5g"), ("After", ".5g"), "Error")
     yield row_table(f"{result['machine']}: natural frequencies in Hz", heads, rows)
     fitted = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,7 +19,7 @@ from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
 from ._output import Output, Partial
 from ._start import refuse, start_jax, waiting
-from ._tables import beside_table, bold, row_table
+from ._tables import bold, comparison_table, row_table
 
 # Status of the program where no design keeps the constraints.
 _NOT_FEASIBLE = 3
@@ -27,7 +28,7 @@ Method = Literal["slsqp", "least-squares", "adam"]
 
 
 @dataclass(frozen=True)
-class Asked:
+class SearchOptions:
     """The options of a search, as the result repeats them."""
 
     machine: opt.Machine
@@ -54,23 +55,25 @@ class Asked:
     solver: opt.Solver = "collocation"
     cycle: opt.CycleOption = None
 
-    def checked(self) -> Asked:
-        """These questions with the defaults of those that are not asked; refuses what cannot be
-        combined.
+    def checked(self) -> SearchOptions:
+        """Options with the defaults of those that are absent.
+
+        Raises:
+            CommandError: options that cannot be combined.
         """
         refuse(
             not self.variables,
             "--variable: is missing; e.g. --variable bore_at_displacement=100mm:160mm",
         )
-        two = self.targets and (self.objective or self.maximise is not None)
-        refuse(two, "--target: cannot be combined with --objective or --maximise")
-        other = "--target" if self.targets else "--method"
-        beside = self.pareto and (self.targets or self.method)
-        refuse(beside, f"--pareto: takes no {other} beside it")
+        goals = self.targets and (self.objective or self.maximise is not None)
+        refuse(goals, "--target: cannot be combined with --objective or --maximise")
+        refuse(self.pareto and self.targets, "--pareto: takes no --target beside it")
+        refuse(self.pareto and self.method, "--pareto: takes no --method beside it")
         refuse(self.scatter and self.targets, "--scatter: takes no --target beside it")
-        worse = [one for one in (self.sigmas, self.quantile) if one is not None]
-        refuse(worse and not self.scatter, "--sigmas and --quantile: need --scatter")
-        refuse(len(worse) > 1, "--sigmas: takes no --quantile beside it")
+        sigmas = self.sigmas is not None
+        quantile = self.quantile is not None
+        refuse((sigmas or quantile) and not self.scatter, "--sigmas and --quantile: need --scatter")
+        refuse(sigmas and quantile, "--sigmas: takes no --quantile beside it")
         lists = {name: getattr(self, name) or [] for name in ("sets", "targets", "constraints")}
         goal = None if self.targets else self.objective or "mechanical_efficiency"
         return replace(self, **lists, scatter=self.scatter or [], objective=goal)
@@ -85,7 +88,7 @@ class Asked:
         return better == "more"
 
 
-def optimise(asked: Asked, output: Output) -> None:
+def optimise(search: SearchOptions, output: Output) -> None:
     """Find the best design by gradients, from several starts, and compare it with a coarse sweep.
 
     Example: [bold]jaxcomp optimise mayekawa-wbhe --variable bore_at_displacement=100mm:160mm --constraint
@@ -125,163 +128,171 @@ def optimise(asked: Asked, output: Output) -> None:
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
-    asked = asked.checked()
+    search = search.checked()
     start_jax()
     begun = time.perf_counter()
-    varied = [*(asked.variables or ()), *(asked.scatter or ())]
-    scene = changed_scene(asked.machine, asked.sets, (), varied)
-    options = opt.analysis_options(scene, asked.accuracy, asked.solver, asked.cycle)
-    found = _searched(asked, _problem(asked, jc.machine.machine_of(scene), options), output.out)
-    said = {"machine": scene.name, "asked": asdict(asked), "seconds": time.perf_counter() - begun}
-    if isinstance(found, jc.study.ParetoFront):
+    varied = [*(search.variables or ()), *(search.scatter or ())]
+    scene = changed_scene(search.machine, search.sets, (), varied)
+    options = opt.analysis_options(scene, search.accuracy, search.solver, search.cycle)
+    outcome = _searched(search, _problem(search, jc.machine.machine_of(scene), options), output.out)
+    metadata = {
+        "machine": scene.name,
+        "asked": asdict(search),
+        "seconds": time.perf_counter() - begun,
+    }
+    if isinstance(outcome, jc.study.ParetoFront):
         output.emit(
-            found,
+            outcome,
             front_tables,
-            lambda: {"pareto": jc.plot.interface.pareto_front(found)},
+            lambda: {"pareto": jc.plot.interface.pareto_front(outcome)},
             scene,
-            {"front": found.columns},
+            {"front": outcome.columns},
             "Report, picture, result and machine file",
-            beside=said,
+            metadata=metadata,
         )
         return
     with waiting("Comparing with the present design ..."):
-        both = found.compare()
-    keys, rows = ("name", "unit", "present", "optimum"), both.rows if both else ()
-    said["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
-    scene, said["not_in_scene"] = jc.scene.optimised_scene(scene, found)
+        comparison = outcome.compare()
+    keys = ("name", "unit", "present", "optimum")
+    rows = comparison.rows if comparison else ()
+    metadata["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
+    scene, metadata["not_in_scene"] = jc.scene.optimised_scene(scene, outcome)
+    design = "optimised machine" if outcome.feasible else "the machine of the nearest design"
     output.emit(
-        found,
-        lambda whole: optimum_tables(whole, both),
-        lambda: jc.plot.interface.optimum_figures(found),
+        outcome,
+        lambda result: optimum_tables(result, comparison),
+        lambda: jc.plot.interface.optimum_figures(outcome),
         scene,
-        {"designs": found.columns},
-        "Report, pictures, designs, result and "
-        + ("optimised machine" if found.feasible else "the machine of the nearest design"),
-        beside=said,
+        {"designs": outcome.columns},
+        f"Report, pictures, designs, result and {design}",
+        metadata=metadata,
     )
-    if not found.feasible:
+    if not outcome.feasible:
         raise typer.Exit(_NOT_FEASIBLE)
 
 
 # ------------------------------------------------------------------- the problem
 def _problem(
-    asked: Asked, design: jc.machine.Machine, options: jc.AnalysisOptions
+    search: SearchOptions, design: jc.machine.Machine, options: jc.AnalysisOptions
 ) -> jc.study.interface.Problem:
-    given = assignments(asked.variables, "--variable")
+    range_texts = assignments(search.variables, "--variable")
     ranges = {}
-    for name, text in jc.study.interface.by_name(design, given).items():
+    for name, text in jc.study.interface.by_name(design, range_texts).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore_at_displacement=100mm:160mm"
         refuse(not colon, f"--variable {name}={text}: {form}")
         ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
         ranges[name] = tuple(ends)
-    quantities: list[Any] = list(assignments(asked.targets, "--target"))
-    if asked.objective:
-        quantities = [_robust(asked, design) if asked.scatter else asked.objective]
-    quantities += [asked.pareto] if asked.pareto else []
+    quantities: list[Any] = list(assignments(search.targets, "--target"))
+    if search.objective and search.scatter:
+        quantities = [_robust(search, design)]
+    elif search.objective:
+        quantities = [search.objective]
+    if search.pareto:
+        quantities.append(search.pareto)
     return jc.study.problem(design, ranges, quantities, options)
 
 
 def _searched(
-    asked: Asked, problem: jc.study.interface.Problem, out: Path | None
+    search: SearchOptions, problem: jc.study.interface.Problem, out: Path | None
 ) -> jc.study.Optimum | jc.study.ParetoFront:
     """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
     import numpy as np
 
     from .._core.progress import progress_of
 
-    partial = Partial(out, "designs")
+    store = Partial(out, "designs")
     solved = []
-    options = fields_of(asked, "starts", "max_steps", "tolerance", "samples", "seed")
-    options["constraints"] = bounds_of(asked.constraints, "--constraint")
-    given = assignments(asked.targets, "--target").items()
-    wanted = {name: value_of(name, text, f"--target {name}") for name, text in given}
+    options = fields_of(search, "starts", "max_steps", "tolerance", "samples", "seed")
+    options["constraints"] = bounds_of(search.constraints, "--constraint")
+    targets = {}
+    for name, text in assignments(search.targets, "--target").items():
+        targets[name] = value_of(name, text, f"--target {name}")
     goal = problem.quantities[0]
-    way = asked.maximised
+    maximised = search.maximised
     with progress_of("Compiling and sampling") as progress:
 
-        def callback(stage: str, done: int, total: int) -> None:
+        def callback(stage: str, count: int, total: int) -> None:
             words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
             # a descent ends as soon as it has converged
-            progress.at(done, total, words, most=stage != "sample")
+            progress.at(count, total, words, most=stage != "sample")
 
-        def keep(problem, designs, found) -> None:
-            solved.append((designs, found.values, found.ok))
+        def keep(problem, designs, evaluation) -> None:
+            solved.append((designs, evaluation.values, evaluation.ok))
             points, values, ok = map(np.concatenate, zip(*solved, strict=True))
-            columns = {one.header: one.values for one in problem.columns(points, values)}
-            partial.keep(columns | {"solved": ok})
+            columns = {column.header: column.values for column in problem.columns(points, values)}
+            store.keep(columns | {"solved": ok})
 
         options |= {"callback": callback, "keep": keep}
-        if asked.pareto:
-            options |= {"maximise": (way, None), "points": asked.points}
-            found = jc.study.pareto(problem, (goal, asked.pareto), **options)
+        if search.pareto:
+            options |= {"maximise": (maximised, None), "points": search.points}
+            outcome = jc.study.pareto(problem, (goal, search.pareto), **options)
         else:
-            options |= {"maximise": way, "method": asked.method}
-            found = jc.study.optimise(problem, wanted or goal, **options)
-    partial.done()
-    return found
+            options |= {"maximise": maximised, "method": search.method}
+            outcome = jc.study.optimise(problem, targets or goal, **options)
+    store.finish()
+    return outcome
 
 
-def _robust(asked: Asked, design: jc.machine.Machine) -> jc.study.tolerance.Robust:
+def _robust(search: SearchOptions, design: jc.machine.Machine) -> jc.study.tolerance.Robust:
     """The objective at the worse end of its scatter."""
     from ..scene.tolerances import tolerances_of
 
-    tolerances = tolerances_of(design, assignments(asked.scatter, "--scatter"))
-    largest = asked.maximised
-    share = asked.quantile
-    sigmas = asked.sigmas
-    if share is not None:
-        share = 1 - share if largest else share
-    else:
-        sigmas = (-1 if largest else 1) * (3.0 if sigmas is None else sigmas)
-    made = jc.study.tolerance.robust
-    return made(design, asked.objective, tolerances, sigmas=sigmas, quantile=share)
+    tolerances = tolerances_of(design, assignments(search.scatter, "--scatter"))
+    # the worse end is below the mean of what is maximised, above it of what is minimised
+    maximised = search.maximised
+    robust = partial(jc.study.tolerance.robust, design, search.objective, tolerances)
+    if search.quantile is not None:
+        return robust(quantile=1 - search.quantile if maximised else search.quantile)
+    sigmas = 3.0 if search.sigmas is None else search.sigmas
+    return robust(sigmas=-sigmas if maximised else sigmas)
 
 
 # ------------------------------------------------------------------- tables
-def optimum_tables(result: dict[str, Any], beside: jc.study.Comparison | None) -> Iterator[Any]:
+def optimum_tables(result: dict[str, Any], comparison: jc.study.Comparison | None) -> Iterator[Any]:
     """Variables and objective, comparison with the present design, constraints, starts, search."""
     goal = result["objective"]
     variables = result["variables"]
-    way = "highest" if goal["maximised"] else "lowest"
-    way = "met targets" if goal["name"] == "residuals" else way
+    direction = "highest" if goal["maximised"] else "lowest"
+    if goal["name"] == "residuals":
+        direction = "met targets"
     name = shown(goal["name"], goal["unit"], goal["value"]).words
-    rows = [
+    rows: list[Any] = [
         (
-            one["name"],
-            _text(one, one["present"]),
-            bold(_text(one, one["value"])),
-            f"{_text(one, one['low'])} to {_text(one, one['high'])}",
-            one["at_bound"] and f"on its {one['at_bound']} bound",
+            variable["name"],
+            _text(variable, variable["present"]),
+            bold(_text(variable, variable["value"])),
+            f"{_text(variable, variable['low'])} to {_text(variable, variable['high'])}",
+            variable["at_bound"] and f"on its {variable['at_bound']} bound",
         )
-        for one in variables
+        for variable in variables
     ]
     best = bold(_text(goal, goal["value"], 6))
     rows += [(), (name, _text(goal, goal["present"], 6), best, "", "")]
     feasible = result["feasible"]
     label = "Optimum" if feasible else "Nearest"
-    aim = f"{way} {name.lower()}" if feasible else result["verdict"]
+    aim = f"{direction} {name.lower()}" if feasible else result["verdict"]
     yield row_table(f"{result['machine']}: {aim}", ("", "Present", label, "Range", ""), rows)
     if result["constraints"] and not feasible:
         yield _constraints_table(result)
-    if beside is not None:
-        yield beside_table(beside)
+    if comparison is not None:
+        yield comparison_table(comparison)
     if result["constraints"] and feasible:
         yield _constraints_table(result)
-    rows = [
-        (", ".join(_text(*pair) for pair in zip(variables, one["start"], strict=True)),
-         _text(goal, one["objective"], 6), one["steps"], one["status"],
-         f"at the {label.lower()}" if one["agrees"] else "elsewhere")
-        for one in result["starts"]
-    ]  # fmt: skip
+    rows = []
+    for start in result["starts"]:
+        values = map(_text, variables, start["start"])
+        end = f"at the {label.lower()}" if start["agrees"] else "elsewhere"
+        objective = _text(goal, start["objective"], 6)
+        rows.append((", ".join(values), objective, start["steps"], start["status"], end))
     yield row_table(None, ("Start", "Objective", "Designs solved", "Ended", ""), rows)
     solved = f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample"
-    slope = ("Slope left", f"{result['stationarity'] or 0:.1e} of the objective's spread")
-    compared = ("Compared", result["verdict"])
-    rows = [
-        ("Ended", result["status"]),
-        *((slope, compared) if feasible else ()),
+    rows = [("Ended", result["status"])]
+    if feasible:
+        slope = f"{result['stationarity'] or 0:.1e} of the objective's spread"
+        rows += [("Slope left", slope), ("Compared", result["verdict"])]
+    rows += [
         ("Starts that agree", f"{result['agreeing']} of {len(result['starts'])}"),
         ("Designs solved", solved),
         ("Time", f"{result['seconds']:.1f} s"),
@@ -293,36 +304,40 @@ def _constraints_table(result: dict[str, Any]) -> Any:
     """Table of the values of each constraint, and by how much it is broken."""
     signs = {"upper": "<=", "lower": ">=", "equal": "="}
     rows = []
-    for one in result["constraints"]:
-        state = "active" if one["active"] else "slack"
-        if one["violation"]:
-            look = shown(one["name"], one["unit"], [one["bound"], one["value"]])
-            state = f"broken by {look.difference(one['excess'], 3).lstrip('+')}"
-        bound = f"{signs[one['side']]} {_text(one, one['bound'])}"
-        price = one["active"] and f"{one['multiplier']:.4g} per {one['unit'] or 'one'}"
-        rows.append((one["name"], _text(one, one["value"]), bound, state, price))
+    for constraint in result["constraints"]:
+        state = "active" if constraint["active"] else "slack"
+        if constraint["violation"]:
+            look = shown(
+                constraint["name"], constraint["unit"], [constraint["bound"], constraint["value"]]
+            )
+            state = f"broken by {look.difference(constraint['excess'], 3).lstrip('+')}"
+        bound = f"{signs[constraint['side']]} {_text(constraint, constraint['bound'])}"
+        price = (
+            constraint["active"]
+            and f"{constraint['multiplier']:.4g} per {constraint['unit'] or 'one'}"
+        )
+        rows.append(
+            (constraint["name"], _text(constraint, constraint["value"]), bound, state, price)
+        )
     heads = ("Constraint", "Value", "Bound", "", "Objective per unit of the bound")
     return row_table(None, heads, rows)
 
 
 def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     """The points of the front, and how they were found."""
-    both = result["objectives"]
+    objectives = result["objectives"]
     variables = result["variables"]
-    names = [shown(one["name"], one["unit"], 1.0).words for one in both]
-    rows = [
-        (
-            *(_text(one, point["objectives"][one["name"]], 6) for one in both),
-            *(_text(one, point["values"][one["name"]]) for one in variables),
-            "" if point["exchange"] is None else f"{point['exchange']:.3g}",
-            "dominated" if point["dominated"] else point["status"],
-        )
-        for point in result["points"]
-    ]
-    now = [_text(one, result["present"][one["name"]], 6) for one in both]
-    if all(now):
-        rows += [(), (*now, *[""] * len(variables), "", "present design")]
-    heads = (*names, *(one["name"] for one in variables), "Exchange", "")
+    names = [shown(objective["name"], objective["unit"], 1.0).words for objective in objectives]
+    rows: list[Any] = []
+    for point in result["points"]:
+        exchange = "" if point["exchange"] is None else f"{point['exchange']:.3g}"
+        status = "dominated" if point["dominated"] else point["status"]
+        values = _texts(objectives, point["objectives"], 6)
+        rows.append((*values, *_texts(variables, point["values"]), exchange, status))
+    present_values = _texts(objectives, result["present"], 6)
+    if all(present_values):
+        rows += [(), (*present_values, *[""] * len(variables), "", "present design")]
+    heads = (*names, *(variable["name"] for variable in variables), "Exchange", "")
     yield row_table(f"{result['machine']}: {names[0]} against {names[1].lower()}", heads, rows)
     count = result["sample"]
     search = [
@@ -335,6 +350,17 @@ def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield row_table(None, ("Search", ""), search, texts=2)
 
 
-def _text(one: dict[str, Any], value: float | None, digits: int = 5) -> str:
+def _texts(
+    quantities: list[dict[str, Any]], values: dict[str, float | None], digits: int = 5
+) -> list[str]:
+    """The values [SI] of some quantities by their names."""
+    return [_text(quantity, values[quantity["name"]], digits) for quantity in quantities]
+
+
+def _text(quantity: dict[str, Any], value: float | None, digits: int = 5) -> str:
     """A value [SI] of something with a name and a unit; empty if there is none."""
-    return "" if value is None else shown(one["name"], one["unit"], value).text(value, digits)
+    return (
+        ""
+        if value is None
+        else shown(quantity["name"], quantity["unit"], value).text(value, digits)
+    )

@@ -27,16 +27,16 @@ _MACHINES = Path(__file__).parents[1] / "machines"
 # ------------------------------------------------------------------- completion
 def complete_machine(incomplete: str) -> list[tuple[str, str]]:
     """Bundled machines with their descriptions, then machine files and folders."""
-    found = []
+    candidates = []
     for file in sorted(_MACHINES.glob("*.toml")):
         if file.stem.startswith(incomplete):
-            found.append((file.stem, _tables(file).get("description", "")))
+            candidates.append((file.stem, _tables(file).get("description", "")))
     folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
     for file in sorted(folder.glob("*")) if folder.is_dir() else ():
         name = f"{file}/" if file.is_dir() else str(file)
         if name.startswith(incomplete) and (file.is_dir() or file.suffix == ".toml"):
-            found.append((name, "machine file" if file.suffix == ".toml" else "folder"))
-    return found
+            candidates.append((name, "machine file" if file.suffix == ".toml" else "folder"))
+    return candidates
 
 
 def complete_variable(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
@@ -52,24 +52,25 @@ def complete_rule(incomplete: str) -> list[tuple[str, str]]:
 def complete_quantity(incomplete: str) -> list[tuple[str, str]]:
     """The quantities of the registry; those ending in a point want a joint or a target."""
     try:
-        known = registered()
+        quantities = registered()
     except ExtensionError:  # the command itself tells; a key press in the shell has nowhere to
         return []
-    names = ((one.name.partition("<")[0], one.doc) for one in known)
+    names = ((quantity.name.partition("<")[0], quantity.doc) for quantity in quantities)
     return [(name, doc) for name, doc in names if name.startswith(incomplete)]
 
 
 def _complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     # behind an option that still lacks its value the words before it are not told apart yet
-    loose = (word for word in ctx.args if not word.startswith("-"))
-    given = ctx.params.get("machine") or next(loose, None)
-    if not given or "=" in incomplete:
+    words = (word for word in ctx.args if not word.startswith("-"))
+    machine = ctx.params.get("machine") or next(words, None)
+    if not machine or "=" in incomplete:
         return []
-    file = _MACHINES / f"{given}.toml"
-    tables = _tables(file if file.exists() else Path(given))
+    file = _MACHINES / f"{machine}.toml"
+    tables = _tables(file if file.exists() else Path(machine))
     planes = [row.get("name") for row in tables.get("balancing", {}).get("planes", ())]
-    corrections = (f"corrections.{p}.{c}" for p in planes for c in ("x", "y", "magnitude", "angle"))
-    paths = [*_paths(tables), *corrections]
+    paths = list(_paths(tables))
+    for plane in planes:
+        paths += [f"corrections.{plane}.{part}" for part in ("x", "y", "magnitude", "angle")]
     return [f"{path}=" for path in paths if path.startswith(incomplete)]
 
 
@@ -135,14 +136,18 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
         raise CommandError(f"--solver {text}: must have 3 to 64 nodes on a panel after the colon")
     import diffrax  # a third of a second, for those who march
 
-    made = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
+    method_type = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
+    keywords = {}
     try:
-        wanted = {"tolerance": float(tolerance)} if tolerance else {}
-        if not isinstance(made, type) or not issubclass(made, diffrax.AbstractAdaptiveSolver):
+        if not isinstance(method_type, type):
             raise TypeError
-        if not all(0 < one < 1 for one in wanted.values()):
-            raise ValueError
-        return jc.crank.Shooting(made(), reversals=compressor.load_reversals, **wanted)
+        if not issubclass(method_type, diffrax.AbstractAdaptiveSolver):
+            raise TypeError
+        if tolerance:
+            keywords["tolerance"] = float(tolerance)
+            if not 0 < keywords["tolerance"] < 1:
+                raise ValueError
+        return jc.crank.Shooting(method_type(), reversals=compressor.load_reversals, **keywords)
     except (TypeError, ValueError):  # some have arguments of their own
         raise CommandError(
             f"--solver {text}: must be collocation, collocation:16, shooting or an adaptive solver of "
@@ -170,15 +175,15 @@ _NOT_OF_USERS = ("size", "cylinders")
 
 def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.CycleOptions:
     """Options of the cycle, changed by any number of `NAME=VALUE,NAME=VALUE`."""
-    defaults = {one.name: getattr(cycle, one.name) for one in fields(cycle)}
+    defaults = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
     for name in _NOT_OF_USERS:
         del defaults[name]
-    given: dict[str, Any] = {}
+    changes: dict[str, Any] = {}
     for pair in ",".join(texts).split(","):
         name, _, text = (part.strip() for part in pair.partition("="))
         names = f"must be NAME=VALUE with one of {', '.join(defaults)}"
         refuse(name not in defaults, f"--cycle {pair}: {names}")
-        refuse(name in given, f"--cycle {pair}: {name} is set twice")
+        refuse(name in changes, f"--cycle {pair}: {name} is set twice")
         # a number that follows from the machine is a count
         kind = int if defaults[name] is None else type(defaults[name])
         try:
@@ -186,9 +191,9 @@ def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.C
         except ValueError:
             raise CommandError(f"--cycle {pair}: {names}") from None
         if kind is int:
-            most = _MOST_OF_CYCLE.get(name, 10**6)
-            bound = f"must be a whole number from 2 to {most}"
-            good = 2 <= value <= most
+            largest = _MOST_OF_CYCLE.get(name, 10**6)
+            bound = f"must be a whole number from 2 to {largest}"
+            good = 2 <= value <= largest
         elif kind is float:
             bound = "must be > 0 and < 1"
             good = 0 < value < 1
@@ -196,8 +201,8 @@ def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.C
             bound = "must be collocation or march"
             good = value in ("collocation", "march")
         refuse(not good, f"--cycle {pair}: {bound}")
-        given[name] = value
-    return replace(cycle, **given)
+        changes[name] = value
+    return replace(cycle, **changes)
 
 
 Machine = Annotated[

@@ -59,19 +59,19 @@ class Output:
 
     def emit(
         self,
-        found: "Result | Mapping[str, Any]",
+        result: "Result | Mapping[str, Any]",
         tables: Callable[[dict[str, Any]], Iterable[Any]],
         figures: Callable[[], Mapping[str, Any]] = dict,
         scene: "Scene | None" = None,
         curves: Mapping[str, Callable[[], Mapping[str, Any]]] | None = None,
         written: str = _WRITTEN,
         files: Callable[[], Mapping[str, str]] = dict,
-        beside: Mapping[str, Any] | None = None,
+        metadata: Mapping[str, Any] | None = None,
     ) -> None:
         """Write the folder of a command if one is named, and print JSON or tables.
 
         Args:
-            found: what the library found; numbers and words without a result have their units in
+            result: what the library found; numbers and words without a result have their units in
                 `_units.py`.
             tables: makes of the plain numbers what `rich` prints, one after the other.
             figures: draws the pictures, by name.
@@ -79,34 +79,43 @@ class Output:
             curves: what makes the columns, by the name of the CSV file that takes them.
             written: names of the kinds of files in the folder.
             files: makes the texts of further files, by name.
-            beside: what stands in JSON in front of the numbers, as the name of the machine; results
+            metadata: what stands in JSON in front of the numbers, as the name of the machine; results
                 among it are nested under their names.
         """
-        whole, units = _numbers_and_units(found, beside or {})
-        shown = list(tables(whole))
+        numbers, units = _numbers_and_units(result, metadata or {})
+        shown = list(tables(numbers))
         if self.as_json:
-            print_json(whole, units)
+            print_json(numbers, units)
         else:
             print_tables(shown)
         if self.out is None:
             return
         # What was found is printed by now, should a file of the user or a full disk be in the way.
         with waiting("Drawing ..."):
-            columns = {name: made() for name, made in (curves or {}).items()}
+            columns = {name: columns_of() for name, columns_of in (curves or {}).items()}
             contents = result_files(
-                self.out.name, figures(), whole, scene, shown, columns, units, files()
+                self.out.name,
+                figures(),
+                numbers,
+                scene=scene,
+                tables=shown,
+                curves=columns,
+                units=units,
+                texts=files(),
             )
             write_results_of_command(self.out, contents, self.force)
         if not self.as_json:
             print_line(f"{written} are in {self.out}")
 
 
-def _numbers_and_units(found: Any, beside: Mapping[str, Any]) -> tuple[dict[str, Any], Table]:
+def _numbers_and_units(result: Any, metadata: Mapping[str, Any]) -> tuple[dict[str, Any], Table]:
     """Plain numbers of a command, and the units of their keys."""
     command = command_name()
-    if isinstance(found, Mapping):
-        return plain({**beside, **found}), table_of(command)
-    return plain({**beside, **found.nested()}), merged(beside_of(command), found.units_of_nested())
+    if isinstance(result, Mapping):
+        return plain({**metadata, **result}), table_of(command)
+    return plain({**metadata, **result.nested()}), merged(
+        beside_of(command), result.units_of_nested()
+    )
 
 
 def header(scene: "Scene") -> dict[str, Any]:
@@ -148,9 +157,9 @@ class Partial:
         """
         self.columns = dict(columns)
         count = len(next(iter(self.columns.values()), ()))
-        kept = "with --out FOLDER they are kept"
+        where = "with --out FOLDER they are kept"
         if self.file is not None:
-            kept = f"they are in {self.file}"
+            where = f"they are in {self.file}"
             if time.monotonic() - self.written > _EVERY:
                 from .._core.results import csv_text
 
@@ -158,9 +167,9 @@ class Partial:
                 # that the file is none of the user was seen before the work began
                 write_results_of_command(self.file.parent, contents, force=True)
                 self.written = time.monotonic()
-        words_when_stopped(f"stopped after {count:,} {self.unit}{best and f', {best}'}; {kept}")
+        words_when_stopped(f"stopped after {count:,} {self.unit}{best and f', {best}'}; {where}")
 
-    def done(self) -> None:
+    def finish(self) -> None:
         """The work has ended: its results stand for what was kept."""
         words_when_stopped()
         if self.file is not None:
@@ -216,8 +225,8 @@ def result_files(
     if scene is not None:
         contents["scene.toml"] = dump(scene).encode()
     # moving pictures have no hover and no zoom
-    still = [name for name, figure in figures.items() if not isinstance(figure, bytes)]
-    if still and find_spec("plotly"):
+    images = [name for name, figure in figures.items() if not isinstance(figure, bytes)]
+    if images and find_spec("plotly"):
         from ..plot.interface import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()
@@ -259,16 +268,16 @@ def print_tables(tables: Iterable[Any]) -> None:
 
     console = _console()
     for table in tables:
-        typed = isinstance(table, Text) and bool(table.no_wrap)  # to be copied into a file
+        copyable = isinstance(table, Text) and bool(table.no_wrap)  # to be copied into a file
         if not isinstance(table, Table):
-            console.print(table, soft_wrap=typed)
+            console.print(table, soft_wrap=copyable)
             continue
         # beside the table: within it they would wrap at its width; a report still needs them in it
-        bare = copy(table)
-        bare.title = bare.caption = None
+        body = copy(table)
+        body.title = body.caption = None
         if table.title:
             console.print(f"[bold]{table.title}[/bold]", highlight=False)
-        console.print(fitted(bare, console.width))
+        console.print(fitted(body, console.width))
         if table.caption:
             console.print(f"[dim]{table.caption}[/dim]", highlight=False)
 

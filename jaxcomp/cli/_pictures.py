@@ -60,9 +60,9 @@ def animate(
                 "mechanical_efficiency": float(orbit.mechanical_efficiency),
             }
         if {"rotor", "loads", "balancing"} <= set(scene.parts):
-            motion, found = balancing_motion(scene, speed, frames)
+            motion, balance_result = balancing_motion(scene, speed, frames)
             moving["balance"] = gif(motion)
-            result |= found
+            result |= balance_result
         refuse(not moving, f"{scene.file}: has neither a crank nor a rotor to be balanced")
     written = "Moving pictures and report"
     output.emit(result, animate_tables, lambda: moving, scene, written=written)
@@ -79,12 +79,15 @@ def balancing_motion(
     assert isinstance(places, jc.rotor.BalancingPlanes)
     if not isinstance(case, jc.rotor.LoadCase) or not case.loads:
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
-    speeds, _ = points_and_range(scene, [speed] if speed else None, None)
+    singles = [speed] if speed else None
+    speeds, _ = points_and_range(scene, singles, None)
     model = rotor_of(scene, speeds)
     at = jnp.asarray(speeds)
-    found = jc.balancing.least_squares(jc.balancing.direct_influence(model, case.loads, places, at))
+    balance = jc.balancing.least_squares(
+        jc.balancing.direct_influence(model, case.loads, places, at)
+    )
     nodes = tuple(plane.node for plane in places.planes)
-    masses = found.correction
+    masses = balance.correction
     corrections = jc.rotor.Unbalances(nodes, jnp.abs(masses), jnp.angle(masses))
     before = jc.rotor.respond(model, case.loads, at[:1]).checked()
     after = jc.rotor.respond(model, (*case.loads, corrections), at[:1]).checked()
@@ -92,7 +95,7 @@ def balancing_motion(
         "speed": float(at[0]),
         "largest_before": float(abs(before.displacement[..., 0]).max()),
         "largest_after": float(abs(after.displacement[..., 0]).max()),
-        "improvement": float(found.improvement),
+        "improvement": float(balance.improvement),
     }
     return jc.plot.interface.balance_motion(model, before, after, frames), result
 

@@ -17,8 +17,8 @@ from ._output import Output, header
 from ._start import waiting
 from ._tables import row_table
 
-# Of the motor's speed, where no range is given.
-_BESIDE = 0.5
+# [-] Of the motor's speed, to either side of it, where no range is given.
+_HALF_RANGE = 0.5
 # [-] Distance of a resonance from an order below which API 618 asks for a closer look.
 _NEAR = 0.2
 
@@ -54,45 +54,46 @@ def pulsation(
             "`pulsation` needs"
         )
         raise jc.scene.SceneError("", missing, file=scene.file)
-    own = float(compressor.motor.speed_guess)
-    beside = np.array([_BESIDE * own, (2 - _BESIDE) * own])
-    range_ = beside if speeds is None else speeds_of(speeds)
+    motor_speed = float(compressor.motor.speed_guess)
+    if speeds is None:
+        range_ = motor_speed * np.array([1 - _HALF_RANGE, 1 + _HALF_RANGE])
+    else:
+        range_ = speeds_of(speeds)
     with waiting():
-        found = _map(compressor, own, range_, orders)
+        result = _map(compressor, motor_speed, range_, orders)
         if solve:
             cycle = jc.solve_orbit(compressor).cycle
             assert cycle is not None
-            found["solved"] = _solved(cycle.pulsation)
+            result["solved"] = _solved(cycle.pulsation)
     output.emit(
-        found,
+        result,
         pulsation_tables,
-        lambda: jc.plot.interface.pulsation_figures(found),
+        lambda: jc.plot.interface.pulsation_figures(result),
         scene,
-        beside=header(scene) | case.changes,
+        metadata=header(scene) | case.changes,
     )
 
 
-def _map(compressor: jc.Compressor, own: float, speeds, orders: int) -> dict[str, Any]:
+def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> dict[str, Any]:
     """Resonances with the speeds at which orders meet them."""
     from .._core.each import of_cylinder
 
     low = float(min(speeds))
     high = float(max(speeds))
-    highest = orders * max(high, own) / (2 * math.pi)
+    highest = orders * max(high, motor_speed) / (2 * math.pi)
     resonances = jc.cylinder.line_resonances(
-        of_cylinder(compressor.gas), of_cylinder(compressor.mechanism), own, highest
+        of_cylinder(compressor.gas), of_cylinder(compressor.mechanism), motor_speed, highest
     )
     rows = []
     for number, resonance in enumerate(resonances, 1):
         frequency = float(resonance.frequency)
         crossings = []
+        distances = []
         for order in range(1, orders + 1):
             speed = 2 * math.pi * frequency / order
+            distances.append(abs(order * motor_speed / (2 * math.pi) / frequency - 1))
             if low <= speed <= high:
                 crossings.append({"order": order, "speed": speed})
-        distances = [
-            abs(order * own / (2 * math.pi) / frequency - 1) for order in range(1, orders + 1)
-        ]
         rows.append(
             {
                 "number": number,
@@ -105,7 +106,7 @@ def _map(compressor: jc.Compressor, own: float, speeds, orders: int) -> dict[str
             }
         )
     return {
-        "speed": own,
+        "speed": motor_speed,
         "lowest_speed": low,
         "highest_speed": high,
         "orders": orders,
@@ -144,11 +145,19 @@ def _solved(pulsation) -> dict[str, Any]:
 def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Resonances with their crossings, and of a solved machine pressures, limits and forces."""
     rows = []
-    for one in result["resonances"]:
-        met = ", ".join(f"{c['speed'] * RPM:.5g} ({c['order']})" for c in one["crossings"])
-        near = "near" if one["margin"] < _NEAR else ""
-        margin = f"{100 * one['margin']:.3g} % of order {one['nearest_order']}"
-        row = (one["number"], one["line"], one["frequency"], one["quality"], margin, near, met)
+    for resonance in result["resonances"]:
+        met = ", ".join(f"{c['speed'] * RPM:.5g} ({c['order']})" for c in resonance["crossings"])
+        near = "near" if resonance["margin"] < _NEAR else ""
+        margin = f"{100 * resonance['margin']:.3g} % of order {resonance['nearest_order']}"
+        row = (
+            resonance["number"],
+            resonance["line"],
+            resonance["frequency"],
+            resonance["quality"],
+            margin,
+            near,
+            met,
+        )
         rows.append(row)
     title = f"{result['machine']}: resonances of pipes, flanges shut, at {result['speed'] * RPM:.5g} rpm"
     heads = ("", "Line", ("Hz", ".5g"), ("Q", ".4g"), "Off", "", "Met at rpm (order)")

@@ -53,15 +53,15 @@ def respond(
     by_crank = shaken_by == "crank"
     if not isinstance(loads, jc.rotor.LoadCase) or not (loads.loads or by_crank):
         raise CommandError(f"{scene.file}: loads: is missing; nothing excites this rotor")
-    wanted = whole_orders(orders, None if by_crank else loads.loads)
+    shown_orders = whole_orders(orders, None if by_crank else loads.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     crank_solver = opt.chosen_solver(solver, scene)
     with waiting():
         try:
-            found = jc.vibration.rotor_motion(
+            motion = jc.vibration.rotor_motion(
                 scene,
                 points,
-                wanted,
+                shown_orders,
                 nodes=node or (),
                 over=range_,
                 excitation=shaken_by,
@@ -69,17 +69,17 @@ def respond(
             )
         except jc.rotor.interface.SingularResponse as error:
             raise CommandError(f"{scene.file}: {error}") from None
-    curves = {"response": found.columns}
-    over = found.curves
+    curves = {"response": motion.columns}
+    over = motion.curves
     if over is not None:
         curves["curves"] = lambda: plain(over.columns())
     output.emit(
-        found,
+        motion,
         response_tables,
-        lambda: jc.plot.interface.rotor_motion_figures(found),
+        lambda: jc.plot.interface.rotor_motion_figures(motion),
         scene,
         curves,
-        beside={**header(scene), "excitation": shaken_by, **case.changes},
+        metadata={**header(scene), "excitation": shaken_by, **case.changes},
     )
 
 
@@ -99,12 +99,13 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Orbits of the watched nodes, mount forces, peaks of the curves, convergence."""
     for place in range(len(result["speeds"])):
         yield _orbits(result, place)
-    rows = [
-        (*begin, *(axes[a][n][s] if a in axes else None for a in result["axes"]))
-        for begin, axes, n, s in _each(result, result["links"])
-    ]
+    rows = []
+    for begin, axes, n, s in _each(result, result["links"]):
+        # a link has forces along its own axes alone
+        forces = (axes[axis][n][s] if axis in axes else None for axis in result["axes"])
+        rows.append((*begin, *forces))
     heads = ("Link, N and N m", "n", "rpm", *((axis, ".4g") for axis in result["axes"]))
-    yield row_table(None, heads, rows, whole=(0,))
+    yield row_table(None, heads, rows, unbroken=(0,))
     if "linearised" in result:
         yield from _linearised(result, result["linearised"])
     if "curves" in result:
@@ -133,15 +134,15 @@ def _orbits(result, s):
             minor = motion["minor_axis"][n][s]
             velocity = order * speed * math.hypot(x, y) / math.sqrt(2)
             micrometres = (_short(v * 1e6) for v in (x, y, major, abs(minor)))
-            way = whirl(minor / major if major else 0.0)
+            direction = whirl(minor / major if major else 0.0)
             first = name if n == 0 else ""
-            rows.append((first, order, *micrometres, way, _short(1e3 * velocity)))
+            rows.append((first, order, *micrometres, direction, _short(1e3 * velocity)))
     title = (
         f"{result['machine']} at {speed * RPM:.5g} rpm: amplitudes and half axes in µm, velocity in "
         "mm/s rms"
     )
     heads = ("Node", "n", "x", "y", "Major", "Minor", "Whirl", "mm/s")
-    table = row_table(title, heads, rows, whole=(0, 6))
+    table = row_table(title, heads, rows, unbroken=(0, 6))
     table.columns[6].min_width = len("backward")
     return table
 
@@ -153,20 +154,22 @@ def _short(value: float) -> str:
     return f"{value:.3g}" if value >= 0.1 else f"{value:.3f}"
 
 
-def _linearised(result, both):
+def _linearised(result, linearisations):
     """Vibration and films with the films linearised at their mean load and along the orbits."""
     rows = []
     for begin, name, n, s in _each(result, {name: name for name in result["nodes"]}):
-        still, along = (both[place]["major_axis"][name][n][s] for place in ("mean_load", "orbit"))
-        change = f"{100 * (along / still - 1):+.2g}" if still else ""
-        rows.append((*begin, _short(1e6 * still), _short(1e6 * along), change))
+        at_mean, on_orbit = (
+            linearisations[place]["major_axis"][name][n][s] for place in ("mean_load", "orbit")
+        )
+        change = f"{100 * (on_orbit / at_mean - 1):+.2g}" if at_mean else ""
+        rows.append((*begin, _short(1e6 * at_mean), _short(1e6 * on_orbit), change))
     title = "Major axis in µm with the films linearised at their mean load, or along their orbits"
     heads = ("Node", "n", "rpm", "Mean load", "Orbit", "Change, %")
-    yield row_table(title, heads, rows, whole=(0,))
+    yield row_table(title, heads, rows, unbroken=(0,))
     rows = []
-    for name in both["orbit"]["films"]:
+    for name in linearisations["orbit"]["films"]:
         for place, words in (("mean_load", "mean load"), ("orbit", "orbit")):
-            film = both[place]["films"][name]
+            film = linearisations[place]["films"][name]
             (kxx, kxy), (kyx, kyy) = film["stiffness"][0]
             (cxx, _), (_, cyy) = film["damping"][0]
             values = [*(1e-6 * k for k in (kxx, kxy, kyx, kyy)), 1e-3 * cxx, 1e-3 * cyy]
@@ -180,9 +183,11 @@ def _peaks(result):
     rows = []
     for name, orders in result["curves"]["major_axis"].items():
         for n, order in enumerate(result["orders"]):
-            known = [one for one in zip(orders[n], speeds, strict=True) if one[0] is not None]
-            if known:
-                value, at = max(known)
+            # None where there is no response
+            points = zip(orders[n], speeds, strict=True)
+            solved = [point for point in points if point[0] is not None]
+            if solved:
+                value, at = max(solved)
                 rows.append((name if n == 0 else "", order, value * 1e6, at * RPM))
     title = f"Largest major axis from {speeds[0] * RPM:.5g} to {speeds[-1] * RPM:.5g} rpm"
-    return row_table(title, ("Node", "n", ("µm", ".4g"), ("at rpm", ".5g")), rows, whole=(0,))
+    return row_table(title, ("Node", "n", ("µm", ".4g"), ("at rpm", ".5g")), rows, unbroken=(0,))

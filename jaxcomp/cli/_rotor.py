@@ -24,9 +24,9 @@ def scene_speeds(scene: jc.scene.Scene) -> np.ndarray:
 
     from ..vibration.interface import own_speeds
 
-    own = own_speeds(scene.parts.get("balancing"), scene.compressor)
-    refuse(own is None, "--speed: is missing, and the machine names no speed of its own")
-    return np.asarray(own)
+    speeds = own_speeds(scene.parts.get("balancing"), scene.compressor)
+    refuse(speeds is None, "--speed: is missing, and the machine names no speed of its own")
+    return np.asarray(speeds)
 
 
 def points_and_range(scene: jc.scene.Scene, single: Sequence[str] | None, speeds: str | None):
@@ -34,11 +34,11 @@ def points_and_range(scene: jc.scene.Scene, single: Sequence[str] | None, speeds
     import numpy as np
 
     needs_rotor(scene)  # told before a speed that the command line lacks
-    given = None if speeds is None else speeds_of(speeds)
-    range_ = given if ":" in (speeds or "") else None
+    listed_speeds = None if speeds is None else speeds_of(speeds)
+    range_ = listed_speeds if ":" in (speeds or "") else None
     points = [speed_of(text, f"--speed {text}") for text in single or ()]
-    if given is not None and range_ is None:
-        points += given.tolist()
+    if listed_speeds is not None and range_ is None:
+        points += listed_speeds.tolist()
     return np.array(points) if points else scene_speeds(scene), range_
 
 
@@ -59,18 +59,18 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
     import numpy as np
 
     needs_rotor(scene)
-    wanted = np.concatenate([s for s in speeds if s is not None] or [[]])
-    model = jc.rotor_at(scene, np.unique(wanted))
+    all_speeds = np.concatenate([s for s in speeds if s is not None] or [[]])
+    model = jc.rotor_at(scene, np.unique(all_speeds))
     assert not isinstance(model, jc.rotor.interface.System)  # a scene holds no prepared one
     return model
 
 
-def chosen_excitation(scene: jc.scene.Scene, given: opt.Excitation | None) -> opt.Excitation:
+def chosen_excitation(scene: jc.scene.Scene, requested: opt.Excitation | None) -> opt.Excitation:
     """Source of the forces on the rotor of a machine: of `--excitation`, or by the rule of
     `Assembly.excitation`.
     """
     try:
-        return scene.assembly.excitation(given)
+        return scene.assembly.excitation(requested)
     except jc.BadInput:
         missing = "loads.crank: is missing; --excitation crank needs it"
         raise CommandError(f"{scene.file}: {missing}") from None
@@ -86,4 +86,6 @@ def whirl(share: float) -> str:
     """Direction of an orbit from its minor over its major axis."""
     if abs(share) < _LINE:
         return "plane"
-    return "forward" if share > 0 else "backward"
+    if share > 0:
+        return "forward"
+    return "backward"

@@ -59,23 +59,23 @@ def run(
     if tolerance is not None:
         method = dataclasses.replace(method, tolerance=tolerance)
     with waiting("Solving the periodic state (the first time it is compiled as well) ..."):
-        found = _solved(scene, method, verify or output.out is not None, moving_films, output)
+        state = _solved(scene, method, verify or output.out is not None, moving_films, output)
         if load_steps:
-            found = dataclasses.replace(found, load_steps=jc.study.load_steps(scene, method))
+            state = dataclasses.replace(state, load_steps=jc.study.load_steps(scene, method))
     output.emit(
-        found,
-        lambda whole: run_tables(scene, whole),
-        lambda: jc.plot.interface.steady_state_figures(found),
+        state,
+        lambda result: run_tables(scene, result),
+        lambda: jc.plot.interface.steady_state_figures(state),
         scene,
-        {"curves": lambda: _curves(found, step)},
-        beside={**header(scene), "tolerance": method.tolerance, **case.changes},
+        {"curves": lambda: _curves(state, step)},
+        metadata={**header(scene), "tolerance": method.tolerance, **case.changes},
     )
 
 
-def _curves(found: jc.study.SteadyState, step: float | None) -> dict[str, Any]:
+def _curves(state: jc.study.SteadyState, step: float | None) -> dict[str, Any]:
     from ._curves import curves  # imports JAX, which help and completion do without
 
-    return curves(found, step)
+    return curves(state, step)
 
 
 def _solved(

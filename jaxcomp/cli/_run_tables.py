@@ -13,7 +13,6 @@ import jaxcomp as jc
 from .._core.display import RPM, ZERO_CELSIUS, axes_words, shown
 from ._tables import Markup, row_table, words
 
-_SIDES = ("compression", "tension")
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
 
@@ -70,28 +69,30 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         "speed_fluctuation": f"{low} to {high} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for one in jc.study.interface.crank_quantities(scene.machine):
-        if one.name not in result or one.name in _IN_OTHER_TABLES:
+    for quantity in jc.study.interface.crank_quantities(scene.machine):
+        if quantity.name not in result or quantity.name in _IN_OTHER_TABLES:
             continue
-        value = result[one.name]
-        note = notes.get(one.name, one.doc.rstrip("."))
+        value = result[quantity.name]
+        note = notes.get(quantity.name, quantity.doc.rstrip("."))
         if value is None:
-            rows.append((shown(one.name, one.unit, 0.0).words, "none", note))
+            rows.append((shown(quantity.name, quantity.unit, 0.0).words, "none", note))
             continue
-        sizes = [value, result["motor_power"]] if one.unit == "W" else value
-        look = shown(one.name, one.unit, sizes)
+        sizes = [value, result["motor_power"]] if quantity.unit == "W" else value
+        look = shown(quantity.name, quantity.unit, sizes)
         name = look.words
         text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
-        if one.unit == "W" and one.name != "capacity":
+        if quantity.unit == "W" and quantity.name != "capacity":
             text = look.text(value, 4)
             note = f"{value * result['period']:.5g} J per revolution"
-        if one.name == "mechanical_efficiency":
+        if quantity.name == "mechanical_efficiency":
             text = Markup("[bold]none" if meaningless else f"[bold]{text}")
             name = Markup(f"[bold]{name}")
         rows.append((name, text, note))
     rows += _between_stages(result)
+    title = scene.name
     changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
-    title = scene.name + (f" with {', '.join(changes)}" if changes else "")
+    if changes:
+        title += f" with {', '.join(changes)}"
     return row_table(title, ("Periodic state", "", ""), rows, texts=3)
 
 
@@ -107,33 +108,37 @@ def _between_stages(result: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
 
 
 def _losses(result: dict[str, Any]):
-    motor, total = result["motor_work"], sum(result["losses"].values())
+    motor = result["motor_work"]
+    total = sum(result["losses"].values())
 
     def row(name, loss, power, share):
-        return name, loss, power, share, f"{100 * loss / motor:.2f} %" if motor else ""
+        of_motor = f"{100 * loss / motor:.2f} %" if motor else ""
+        return name, loss, power, share, of_motor
 
-    rows = [
-        row(words(name), loss, result["loss_power"][name], f"{100 * share:.1f} %")
-        for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1])
-        for share in [result["loss_share"][name]]
-    ]
-    whole = row("Total", total, result["friction_power"], "100.0 %" if total else "")
+    rows = []
+    for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1]):
+        share = f"{100 * result['loss_share'][name]:.1f} %"
+        rows.append(row(words(name), loss, result["loss_power"][name], share))
+    rows.append(())
+    rows.append(row("Total", total, result["friction_power"], "100.0 %" if total else ""))
     numbers = (("J per revolution", ".4g"), ("W", ".4g"))
     heads = ("Friction loss", *numbers, "Share of losses", "Of motor work")
-    return row_table(None, heads, [*rows, (), whole])
+    return row_table(None, heads, rows)
 
 
 def _power(result: dict[str, Any]):
     """Table of the uses of power and swept volume."""
     power = result["power_use"]
     volume = result["volume_use"]
-    whole = sum(power.values())
-    rows = [
-        (words(name), f"{power[name]:.4g}", f"{100 * power[name] / whole:.2f} %" if whole else "")
-        for name in jc.crank.interface.POWER
-        if name in power and abs(power[name]) > 1e-12 * abs(whole)  # else rounding
-    ]
-    rows += [(), ("Total", f"{whole:.5g}", "100.00 %"), ()]
+    total = sum(power.values())
+    rows: list[Any] = []
+    for name in jc.crank.interface.POWER:
+        use = power.get(name, 0.0)
+        # a use that is rounding beside the total is none
+        if abs(use) > 1e-12 * abs(total):
+            share = f"{100 * use / total:.2f} %" if total else ""
+            rows.append((words(name), f"{use:.4g}", share))
+    rows += [(), ("Total", f"{total:.5g}", "100.00 %"), ()]
     rows += [(words(name), "", f"{100 * share:.2f} %") for name, share in volume.items()]
     return row_table(None, ("Use of power, then of the swept volume", "W", "Share"), rows)
 
@@ -171,28 +176,33 @@ def _forces(result: dict[str, Any]):
     largest = max(peaks.values(), default=0.0)
     unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
     rows = [(words(name), mean[name] / scale, peak / scale) for name, peak in peaks.items()]
-    # where the cylinders balance each other, rounding is left
     size = result["peak_shaking_force"]
-    shaking = ("Shaking force", "", (size if size > 1e-9 * largest else 0.0) / scale)
+    if not size > 1e-9 * largest:
+        size = 0.0  # where the cylinders balance each other, rounding is left
+    shaking = ("Shaking force", "", size / scale)
     heads = ("Joint force", (f"Mean, {unit}", ".4g"), (f"Peak, {unit}", ".4g"))
     return row_table(None, heads, [*rows, (), shaking])
 
 
 def _shaking(result: dict[str, Any]):
     """Shaking forces and couples by order; those that are rounding, as of a balanced order, as 0."""
-    forces, couples = (result[f"shaking_{kind}"] for kind in ("force", "couple"))
-    scales = max(forces.values(), default=0.0), max(couples.values(), default=0.0)
-
-    def shown_size(size, scale):
-        return size if size > 1e-6 * scale else 0.0
-
-    rows = [
-        (order, shown_size(forces[order], scales[0]), shown_size(couples[order], scales[1]))
-        for order in forces
-    ]
-    if scales[0] > 0:
+    forces = result["shaking_force"]
+    couples = result["shaking_couple"]
+    largest_force = max(forces.values(), default=0.0)
+    largest_couple = max(couples.values(), default=0.0)
+    rows = []
+    for order, force in forces.items():
+        couple = couples[order]
+        rows.append((order, _unless_rounding(force, largest_force),
+                     _unless_rounding(couple, largest_couple)))  # fmt: skip
+    if largest_force > 0:
         heads = ("Order", ("Force, N", ".4g"), ("Couple, N m", ".4g"))
         yield row_table("Shaking, by order", heads, rows)
+
+
+def _unless_rounding(size: float, scale: float) -> float:
+    """A size; 0 where it is rounding beside a scale."""
+    return size if size > 1e-6 * scale else 0.0
 
 
 def _reversals(rods: dict[str, dict[str, float]]):
@@ -231,10 +241,7 @@ def _api_618(sheet: dict[str, Any]) -> Iterator[Any]:
     scales = (force, force, couple, couple)
     rows = []
     for row in sheet["unbalanced"]:
-        sizes = [row[key] for key in keys]
-        sizes = [
-            size if size > 1e-6 * scale else 0.0 for size, scale in zip(sizes, scales, strict=True)
-        ]
+        sizes = map(_unless_rounding, (row[key] for key in keys), scales)
         rows.append((names[row["order"]], *(size / 1e3 for size in sizes)))
     heads = (("Force along x, kN", ".4g"), ("Force along y, kN", ".4g"))
     heads += (("Couple about x, kN m", ".4g"), ("Couple about y, kN m", ".4g"))
@@ -270,7 +277,9 @@ def _cylinder_ends(ends: list[dict[str, Any]]):
 
 def _rod_loads(throws: list[dict[str, Any]]):
     """Compression and tension of gas, inertia and both, and the reversal at the crosshead pin."""
-    loads = [f"{kind}_{side}" for kind in ("gas", "inertia", "combined") for side in _SIDES]
+    loads = []
+    for kind in ("gas", "inertia", "combined"):
+        loads += [f"{kind}_compression", f"{kind}_tension"]
     rows = [
         (
             str(throw["cylinder"]),
@@ -280,11 +289,9 @@ def _rod_loads(throws: list[dict[str, Any]]):
         )
         for throw in throws
     ]
-    heads = [
-        (f"{kind}, {side}", ".4g")
-        for kind in ("Gas", "Inertia", "Combined (gas + inertia)")
-        for side in ("comp.", "tens.")
-    ]
+    heads = []
+    for kind in ("Gas", "Inertia", "Combined (gas + inertia)"):
+        heads += [(f"{kind}, comp.", ".4g"), (f"{kind}, tens.", ".4g")]
     reversal = (("Rod reversal, ° min. at x-hd pin", ".4g"), ("Smaller side, %", ".3g"))
     return row_table("API 618, rod load, kN", ("Throw", *heads, *reversal), rows)
 
@@ -318,14 +325,16 @@ def _journal_films(result: dict[str, Any]):
     rows = []
     touch = any(loss > 0 for loss in result["contact_loss"].values())
     for name, thickness in result["film_thickness"].items():
-        moves = result["film_law"][name] == "orbit"
-        instead = moved.get(name, {}).get("film_thickness")
-        instead = result["steady_film_thickness"][name] if moves else instead
+        law = "steady"
+        by_other_law = moved.get(name, {}).get("film_thickness")
+        if result["film_law"][name] == "orbit":
+            law = "orbit"
+            by_other_law = result["steady_film_thickness"][name]
         rows.append((
             words(name),
-            "orbit" if moves else "steady",
+            law,
             1e6 * thickness,
-            None if instead is None else 1e6 * instead,
+            None if by_other_law is None else 1e6 * by_other_law,
             100 * result["thin_film_share"][name],
             result["film_pressure"][name] / 1e6,
             1e6 * result["film_flow"][name],
@@ -347,8 +356,8 @@ def _convergence(result: dict[str, Any]):
         cycle = [("Cycle's resolution", f"{result['cycle_resolution']:.1e}", of_cycle)]
     gas = []
     if result.get("gas_work") and result.get("gas_work_error") is not None:
-        known = f"{result['gas_work_error'] / abs(result['gas_work']):.1e}"
-        gas = [("Gas work", known, "stated error of the quadrature, relative")]
+        error = f"{result['gas_work_error'] / abs(result['gas_work']):.1e}"
+        gas = [("Gas work", error, "stated error of the quadrature, relative")]
     rows = (
         ("Solver", result["solver"], f"tolerance {result['tolerance']:.2g}"),
         ("Iterations", result["iterations"], result["status"]),
@@ -375,12 +384,11 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
         ("Speed, largest", "", f"{speed * result['mean_speed']:.1e} rad/s", f"{speed:.1e}"),
         row("Mechanical efficiency", result[key], march[key], ""),
         row("Gas work", result["gas_work"], march["gas_work"], "J"),
-        *(
-            row(f"{words(name)}, {word}", result[of][name], error, unit)
-            for of, word, unit in (("losses", "loss", "J"), ("peak_forces", "peak", "N"))
-            for name, error in march[of].items()
-        ),
     ]
+    for name, error in march["losses"].items():
+        rows.append(row(f"{words(name)}, loss", result["losses"][name], error, "J"))
+    for name, error in march["peak_forces"].items():
+        rows.append(row(f"{words(name)}, peak", result["peak_forces"][name], error, "N"))
     heads = ("Independent march of a revolution", "Value", "Error", "Relative")
     return row_table(None, heads, rows)
 
@@ -395,7 +403,7 @@ def _vibration(vibration: dict[str, Any], axes: str):
         rows.append((words(name), *(1e6 * value for value in metres), error))
     title = f"First harmonic on springs of {hertz} Hz, and as a free body"
     numbers = ((head, ".3g") for head in ("x", "y", "z", "Peak", "Free x", "y", "z"))
-    return row_table(title, ("µm", *numbers, "Error"), rows, whole=(0,), caption=axes)
+    return row_table(title, ("µm", *numbers, "Error"), rows, unbroken=(0,), caption=axes)
 
 
 def _torsion(torsion: dict[str, Any]):
@@ -405,10 +413,9 @@ def _torsion(torsion: dict[str, Any]):
     critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))
     keys = ("mean_torque", "peak_torque", "peak_error", "largest_order")
     columns = (torsion[key] for key in keys)
-    rows = [
-        (number, mean, peak, error, peak / abs(mean), order)
-        for number, (mean, peak, error, order) in enumerate(zip(*columns, strict=True), 1)
-    ]
+    rows = []
+    for mean, peak, error, order in zip(*columns, strict=True):
+        rows.append((len(rows) + 1, mean, peak, error, peak / abs(mean), order))
     title = f"Torsion at {hertz} Hz; orders 1 to 4 meet the first at {critical} rpm"
     torques = (("Mean, N m", ".4g"), ("Peak, N m", ".4g"), ("Off by, at most", ".1g"))
     torques += (("Peak/mean", ".3g"),)
@@ -432,12 +439,13 @@ def undelivered_tables(orbit: jc.Orbit) -> Iterator[Any]:
         where = "Cylinder" if each is None else f"Cylinder {number}"
         look = shown("temperature", "K", cycle.temperature)
         angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
-        every = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]
-        rows = (
-            (f"{angle[i]:.0f}", f"{float(cycle.volume[i]) * 1e6:.4g}",
-             f"{float(cycle.pressure[i]) / 1e5:.4g}", look.number(float(cycle.temperature[i]), 4))
-            for i in every
-        )  # fmt: skip
+        nodes = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]
+        rows = []
+        for node in nodes:
+            volume = float(cycle.volume[node]) * 1e6
+            pressure = float(cycle.pressure[node]) / 1e5
+            temperature = look.number(float(cycle.temperature[node]), 4)
+            rows.append((f"{angle[node]:.0f}", f"{volume:.4g}", f"{pressure:.4g}", temperature))
         heads = ("Crank angle, degrees", "Volume, cm³", "Pressure, bar", look.label)
         yield row_table(f"{where}: no gas is delivered", heads, rows, texts=0)
         peak = float(cycle.peak_pressure)

@@ -69,29 +69,30 @@ def simulate(
     end = si(duration, "s", "--duration")
     refuse(not end > 0, f"--duration {duration}: must be > 0")
     off = None if power_off is None else si(power_off, "s", "--power-off")
-    steps, listed = 65536, 501
+    steps = 65536
+    instants = 501
     valves = isinstance(compressor.gas, jc.cylinder.Cylinder)
     if valves:
-        steps, listed = _steps_with_valves(compressor, end, duration)
+        steps, instants = _steps_with_valves(compressor, end, duration)
     method = getattr(diffrax, solver.capitalize())()
     with waiting("Integrating (the first time it is compiled as well) ..."):
-        found = jc.crank.simulate(
+        motion = jc.crank.simulate(
             compressor,
             end,
             angle=si(angle, "rad", "--angle"),
             speed=si(speed, "rad/s", "--speed"),
             power_off=off,
             until_rest=not swing_back,
-            options=jc.crank.TimeIntegration(method, tolerance, steps, samples or listed),
+            options=jc.crank.TimeIntegration(method, tolerance, steps, samples or instants),
         )
 
     def figures():
-        made = {"motion": jc.plot.interface.transient_figure(found, scene.name, off)}
-        if found.gas is not None:
-            made["gas"] = jc.plot.interface.transient_gas_figure(found, scene.name, off)
-        return made
+        pictures = {"motion": jc.plot.interface.transient_figure(motion, scene.name, off)}
+        if motion.gas is not None:
+            pictures["gas"] = jc.plot.interface.transient_gas_figure(motion, scene.name, off)
+        return pictures
 
-    beside = {
+    metadata = {
         **header(scene),
         "solver": "Dormand and Prince, events located" if valves else solver,
         "tolerance": tolerance,
@@ -100,20 +101,23 @@ def simulate(
     }
     gas = compressor.gas
     if isinstance(gas, jc.cylinder.Cylinder) and jc.cylinder.interface.is_piped(gas):
-        beside["left_out"] = "pipes: the lines keep their mean pressures in time"
-    curves = {"motion": found.columns}
-    output.emit(found, simulate_tables, figures, scene, curves, beside=beside)
+        metadata["left_out"] = "pipes: the lines keep their mean pressures in time"
+    curves = {"motion": motion.columns}
+    output.emit(motion, simulate_tables, figures, scene, curves, metadata=metadata)
 
 
 def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:
     """The most steps of a machine with valves up to an end [s], and the instants to list."""
     # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
     count = compressor.crankshaft.count
-    turns = end * float(compressor.motor.speed_guess) / (2 * math.pi)
-    most = (jc.crank.interface.MOST_STEPS - 2000) // (1000 * count)
-    refuse(turns > most, f"--duration {duration}: must be at most {most} revolutions, with valves")
-    steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * turns))
-    return steps, 1 + min(2 ** math.ceil(math.log2(500 + 200 * turns)), _MOST_LISTED)
+    revolutions = end * float(compressor.motor.speed_guess) / (2 * math.pi)
+    limit = (jc.crank.interface.MOST_STEPS - 2000) // (1000 * count)
+    refuse(
+        revolutions > limit,
+        f"--duration {duration}: must be at most {limit} revolutions, with valves",
+    )
+    steps = 2 ** math.ceil(math.log2(2000 + 1000 * count * revolutions))
+    return steps, 1 + min(2 ** math.ceil(math.log2(500 + 200 * revolutions)), _MOST_LISTED)
 
 
 def simulate_tables(result: dict[str, Any]) -> Iterator[Any]:

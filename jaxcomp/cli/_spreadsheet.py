@@ -74,8 +74,8 @@ def _flattened(value: Any, path: str) -> Iterator[list[Any]]:
         return
     name, _, unit = path.partition(" [")
     values = list(value) if is_list else [value]
-    unit, _, rest = unit.partition("]")
-    yield [name + rest, unit, *values]
+    unit, _, suffix = unit.partition("]")
+    yield [name + suffix, unit, *values]
 
 
 def _rows(columns: Mapping[str, Any], name: str) -> Iterator[list[Any]]:

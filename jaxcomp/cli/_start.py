@@ -50,8 +50,8 @@ class RecordedGroup(TyperGroup):
                 raise
             from .._core.words import hint
 
-            known = re.findall(r"'([^']*)'", match[2])
-            error.message = f"{message.rstrip('.')}{hint(match[1], known)}."  # pyright: ignore
+            choices = re.findall(r"'([^']*)'", match[2])
+            error.message = f"{message.rstrip('.')}{hint(match[1], choices)}."  # pyright: ignore
             raise
 
 
@@ -75,11 +75,11 @@ def refuse(wrong: Any, why: str) -> None:
         raise CommandError(why)
 
 
-def refuse_unknown(option: str, name: str, known: Collection[str], kind: str) -> None:
+def refuse_unknown(option: str, name: str, names: Collection[str], kind: str) -> None:
     """End the command where a name is none of those that are known, with the nearest of them."""
     from .._core.words import did_you_mean
 
-    refuse(name not in known, f"{option}: is no {kind}{did_you_mean(name, known)}")
+    refuse(name not in names, f"{option}: is no {kind}{did_you_mean(name, names)}")
 
 
 def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
@@ -96,9 +96,9 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
             if not by_user and not platform:
                 raise
             show_error(CommandError(platform) if platform else error)
-            others = len(getattr(error, "others", ()))
-            if others:
-                typer.echo(f"and {others} more; `jaxcomp check FILE` lists them", err=True)
+            further_errors = len(getattr(error, "others", ()))
+            if further_errors:
+                typer.echo(f"and {further_errors} more; `jaxcomp check FILE` lists them", err=True)
             raise typer.Exit(2) from None
         except KeyboardInterrupt:
             typer.echo(say_stopped(), err=True)

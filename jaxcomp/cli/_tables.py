@@ -38,7 +38,7 @@ def row_table(
     rows: Iterable[Sequence[Any]],
     texts: int = 1,
     *,
-    whole: Sequence[int] = (),
+    unbroken: Sequence[int] = (),
     caption: str | None = None,
 ) -> Table:
     """A table from its rows.
@@ -48,7 +48,7 @@ def row_table(
         heads: of the columns, with the format of the numbers beneath where they need one.
         rows: cells; `None` and `False` are empty ones. An empty row separates.
         texts: how many columns from the left hold texts; the others are set to the right.
-        whole: columns that no narrow terminal breaks.
+        unbroken: columns that no narrow terminal breaks.
         caption: below it.
     """
     table = Table(
@@ -59,10 +59,10 @@ def row_table(
     pairs = [(head, "") if isinstance(head, str) else head for head in heads]
     for place, (head, _) in enumerate(pairs):
         justify = "left" if place < max(texts, 1) else "right"
-        table.add_column(escape(head), justify=justify, no_wrap=place in whole)
+        table.add_column(escape(head), justify=justify, no_wrap=place in unbroken)
     for row in rows:
         if row:
-            table.add_row(*(_cell(one, form) for one, (_, form) in zip(row, pairs, strict=True)))
+            table.add_row(*(_cell(cell, form) for cell, (_, form) in zip(row, pairs, strict=True)))
         else:
             table.add_section()
     return table
@@ -109,7 +109,7 @@ def column_table(
     columns: Mapping[str, Iterable[Any]],
     texts: int = 1,
     keep: bool = False,
-    whole: Sequence[int] = (),
+    unbroken: Sequence[int] = (),
 ) -> Table:
     """A table from its columns, the cells by header; columns without any entry are left out.
 
@@ -120,18 +120,21 @@ def column_table(
     """
     cells = {head: list(column) for head, column in columns.items()}
     cells = {head: column for head, column in cells.items() if keep or any(column)}
-    return row_table(title, tuple(cells), zip(*cells.values(), strict=True), texts, whole=whole)
+    return row_table(
+        title, tuple(cells), zip(*cells.values(), strict=True), texts, unbroken=unbroken
+    )
 
 
-def beside_table(found: "Comparison") -> Table:
+def comparison_table(comparison: "Comparison") -> Table:
     """Losses, forces and dimensions of designs, and the change of each against the first."""
-    first, *others = found.labels
-    heads = ("Quantities, dimensions", first, *_alternating(others, ["Change"] * len(others)))
+    first, *variants = comparison.labels
+    heads = ("Quantities, dimensions", first, *_alternating(variants, ["Change"] * len(variants)))
     cells = []
-    for name, unit, values in found.rows:
-        look = shown(name, unit, [x for x in values if x is not None])
-        before, *after = (None if x is None else look.text(x) for x in values)
-        changes = [_change(look, values[0], x) for x in values[1:]]
+    for name, unit, values in comparison.rows:
+        # a design without a quantity, as one without valves, has None there
+        look = shown(name, unit, [value for value in values if value is not None])
+        before, *after = (None if value is None else look.text(value) for value in values)
+        changes = [_change(look, values[0], value) for value in values[1:]]
         cells.append((look.words, before, *_alternating(after, changes)))
     return row_table(None, heads, cells)
 
@@ -168,10 +171,12 @@ def fitted(table: Table, width: int) -> Table | str:
     cells = [_pointed(column) for column in table.columns]
     wide = []
     least = []
-    for column, own, header in zip(table.columns, cells, headers, strict=True):
-        texts = [cell.plain for cell in own]
-        whole = column.justify == "right"
-        pieces = [w for t in texts for w in ([t] if whole else t.split())] + header.split()
+    for column, column_cells, header in zip(table.columns, cells, headers, strict=True):
+        texts = [cell.plain for cell in column_cells]
+        # a number is not broken, words are, and so is every header
+        pieces = header.split()
+        for text in texts:
+            pieces += [text] if column.justify == "right" else text.split()
         least.append(max(map(cell_len, pieces), default=1))
         wide.append(max(map(cell_len, [*texts, header]), default=1))
     room = width - 2 - 2 * len(wide) - (len(wide) - 1)
@@ -183,20 +188,21 @@ def fitted(table: Table, width: int) -> Table | str:
         place = max((i for i in range(len(wide)) if wide[i] > least[i]), key=lambda i: wide[i])
         wide[place] -= 1
         over -= 1
-    made = copy(table)
-    made.columns = [column.copy() for column in table.columns]
-    made.rows = []
-    for column, own, size in zip(made.columns, cells, wide, strict=True):
+    resized = copy(table)
+    resized.columns = [column.copy() for column in table.columns]
+    resized.rows = []
+    for column, column_cells, size in zip(resized.columns, cells, wide, strict=True):
         if narrow:
             column.min_width = column.max_width = size
             column.no_wrap = False
-        for cell in own if column.justify == "right" else ():
-            # rich takes spaces off the end of what it sets to the right
-            cell.pad_left(size - cell_len(cell.plain))
-            cell.justify = "left"
-    for row, own in zip(table.rows, zip(*cells, strict=True), strict=True):
-        made.add_row(*own, end_section=row.end_section)
-    return made
+        if column.justify == "right":
+            for cell in column_cells:
+                # rich takes spaces off the end of what it sets to the right
+                cell.pad_left(size - cell_len(cell.plain))
+                cell.justify = "left"
+    for row, column_cells in zip(table.rows, zip(*cells, strict=True), strict=True):
+        resized.add_row(*column_cells, end_section=row.end_section)
+    return resized
 
 
 def _pointed(column: Column) -> list[Text]:
@@ -216,14 +222,12 @@ def _stacked(table: Table, headers: list[str]) -> str:
     above = ""
     for row in zip(*(column.cells for column in table.columns), strict=True):
         if any(str(cell) for cell in row):
-            first, *others = (escape(c.plain) if isinstance(c, Text) else str(c) for c in row)
+            first, *values = (escape(c.plain) if isinstance(c, Text) else str(c) for c in row)
             first = above = first or above  # an empty cell stands for the one above
-            lines.append(
-                f"[bold]{headers[0]}[/bold] {first}".strip() if short and headers[0] else first
-            )
-            lines += [
-                f"  {escape(header)} {cell.strip()}".rstrip()
-                for header, cell in zip(headers[1:], others, strict=True)
-                if cell
-            ]
+            if short and headers[0]:
+                first = f"[bold]{headers[0]}[/bold] {first}".strip()
+            lines.append(first)
+            for header, cell in zip(headers[1:], values, strict=True):
+                if cell:
+                    lines.append(f"  {escape(header)} {cell.strip()}".rstrip())
     return "\n".join([*lines, ""])

@@ -90,33 +90,35 @@ def tolerance(
     if balanced:
         refuse(not design.corrections, "--balanced: needs a machine with balancing planes")
         design = jc.study.balanced_design(design, options)
-    given, correlations = read_tolerances(design, vary, tolerances, correlate)
+    variations, correlations = read_tolerances(design, vary, tolerances, correlate)
     limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
     for name in names:
         jc.study.interface.quantity_named(name)
-    asked = list(dict.fromkeys([*names, *limits]))
+    quantities = list(dict.fromkeys([*names, *limits]))
     partial = Partial(output.out, "machines")
 
     def keep(points, values, ok) -> None:
-        columns = [*given, *asked]
+        columns = [*variations, *quantities]
         partial.keep(dict(zip(columns, (*points.T, *values.T), strict=True)) | {"solved": ok})
 
     drawn = {"samples": samples, "sampling": sampling.replace("-", "_"), "seed": seed}
     drawn["curvature"] = None if curvature == "none" else curvature
-    known = {"correlations": correlations, "limits": limits, "options": options, "keep": keep}
+    drawn |= {"correlations": correlations, "limits": limits, "options": options, "keep": keep}
     with waiting(), cluster(dask) as client:
-        found = jc.study.tolerance.tolerance(design, given, asked, client=client, **drawn, **known)
-        partial.done()
-        tighter = [] if rejects is None else permitted_tolerances(found, rejects)
-    said: dict[str, Any] = {"scene": scene.name, "balanced": balanced}
+        study = jc.study.tolerance.tolerance(design, variations, quantities, client=client, **drawn)
+        partial.finish()
+        tighter = [] if rejects is None else permitted_tolerances(study, rejects)
+    metadata: dict[str, Any] = {"scene": scene.name, "balanced": balanced}
+    if rejects is not None:
+        metadata["permitted"] = tighter
     output.emit(
-        found,
-        lambda whole: tolerance_tables(found, whole, tighter),
-        lambda: jc.plot.interface.tolerance_figures(found, scene.name),
+        study,
+        lambda result: tolerance_tables(study, result, tighter),
+        lambda: jc.plot.interface.tolerance_figures(study, scene.name),
         scene,
-        {"samples": found.columns},
-        beside=said if rejects is None else said | {"permitted": tighter},
+        {"samples": study.columns},
+        metadata=metadata,
     )
 
 
@@ -129,7 +131,10 @@ def read_tolerances(
     """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first."""
     from ..scene.tolerances import read_tolerance_file, tolerances_of
 
-    texts, correlations = ({}, {}) if file is None else read_tolerance_file(file)
+    texts = {}
+    correlations = {}
+    if file is not None:
+        texts, correlations = read_tolerance_file(file)
     for text in correlate or ():
         names, _, value = text.partition("=")
         pair = tuple(name.strip() for name in names.split(","))
@@ -144,92 +149,94 @@ def read_tolerances(
 
 
 def permitted_tolerances(
-    found: jc.study.tolerance.Tolerances, text: str
+    study: jc.study.tolerance.Tolerances, text: str
 ) -> list[jc.study.tolerance.interface.Permitted]:
     """Factors by which all tolerances would have to be tighter, and those of the largest contributor
     alone.
     """
     share = si(text, "", "--rejects")
     refuse(not 0 < share < 1, f"--rejects {text}: must be > 0 and < 1, e.g. 1%")
-    first = found.ranking(found.reliability[0].limit.quantity)[0][0]
-    return [jc.study.tolerance.permitted(found, share, names) for names in (None, [first])]
+    first = study.ranking(study.reliability[0].limit.quantity)[0][0]
+    return [jc.study.tolerance.permitted(study, share, names) for names in (None, [first])]
 
 
 def tolerance_tables(
-    found: jc.study.tolerance.Tolerances,
+    study: jc.study.tolerance.Tolerances,
     result: dict[str, Any],
     permitted: Sequence[jc.study.tolerance.interface.Permitted],
 ) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
-    yield from map(escape, found.sentences(*permitted))
+    yield from map(escape, study.sentences(*permitted))
     failed = f", {result['failed']:,} not solved" if result["failed"] else ""
     title = f"{result['scene']}: {result['samples']:,} machines{failed}"
     sampled = []
     by_derivatives = []
-    for name in found.names:
-        look = found.shown(name)
+    for name in study.names:
+        look = study.shown(name)
         row = result["quantities"][name]
         wide = look.differences
         shares = row["percentiles"]
         ends = (_value(look, shares[share]) for share in ("5", "95"))
         middle = (_value(look, row[key]) for key in ("nominal", "mean"))
         sampled.append((look.label, *middle, _value(wide, row["deviation"]), *ends))
-        orders = (row[key] or {} for key in ("first_order", "second_order"))
-        both = (("mean", look), ("deviation", wide))
-        cells = (_value(kind, one.get(key)) for one in orders for key, kind in both)
+        cells = []
+        for key in ("first_order", "second_order"):
+            moments = row[key] or {}  # None where this order was not asked for
+            cells.append(_value(look, moments.get("mean")))
+            cells.append(_value(wide, moments.get("deviation")))
         by_derivatives.append((look.label, *cells))
     yield row_table(title, ("Quantity", "Nominal", "Mean", "Deviation", "5 %", "95 %"), sampled)
     heads = ("By derivatives", "1st-order mean", "Deviation", "2nd-order mean", "Deviation")
     yield row_table(None, heads, by_derivatives)
-    for name in found.names:
-        yield _contributors(found, name)
-    if found.reliability:
-        yield _probabilities(found)
-    for remark in found.remarks:
+    for name in study.names:
+        yield _contributors(study, name)
+    if study.reliability:
+        yield _probabilities(study)
+    for remark in study.remarks:
         yield f"[yellow]Note:[/yellow] {remark}"
 
 
-def _contributors(found: jc.study.tolerance.Tolerances, name: str):
-    look = found.shown(name)
-    place = found.names.index(name)
-    ranking = found.ranking(name)
+def _contributors(study: jc.study.tolerance.Tolerances, name: str):
+    look = study.shown(name)
+    place = study.names.index(name)
+    ranking = study.ranking(name)
     rows = []
     for variable, share in ranking[:_ROWS]:
-        swing = found.swings[:, found.variables.index(variable), place]
+        swing = study.swings[:, study.variables.index(variable), place]
         cells = (_value(look, x) for x in swing)
-        rows.append((found.label(variable), f"{100 * share:.1f} %", *cells))
+        rows.append((study.label(variable), f"{100 * share:.1f} %", *cells))
     # a name is broken where it would leave the numbers no space in 80 columns
     narrow = max(len(row[0]) for row in rows) <= 45
     if len(ranking) > _ROWS:
-        rest = sum(share for _, share in ranking[_ROWS:])
-        rows.append((f"{len(ranking) - _ROWS} more", f"{100 * rest:.1f} %", "", ""))
-    ends = (
-        (f"Low limit, {look.units}", f"High limit, {look.units}") if look.unit else ("Low", "High")
-    )
+        remaining_share = sum(share for _, share in ranking[_ROWS:])
+        rows.append((f"{len(ranking) - _ROWS} more", f"{100 * remaining_share:.1f} %", "", ""))
+    ends = ("Low", "High")
+    if look.unit:
+        ends = (f"Low limit, {look.units}", f"High limit, {look.units}")
     words = look.words
     if not words[:2].isupper():  # but for abbreviations, as COP
         words = words[:1].lower() + words[1:]
     heads = ("Variable", "Share of variance", *ends)
-    table = row_table(f"Contributors to {words}", heads, rows, whole=(0,) if narrow else ())
+    table = row_table(f"Contributors to {words}", heads, rows, unbroken=(0,) if narrow else ())
     table.columns[0].overflow = "fold"
     return table
 
 
-def _probabilities(found: jc.study.tolerance.Tolerances):
+def _probabilities(study: jc.study.tolerance.Tolerances):
     rows = []
-    for one in found.reliability:
-        look = found.shown(one.limit.quantity)
-        sign = "<=" if one.limit.above else ">="
-        low, high = one.sampled_interval
-        near = _cell(one.near_points, 3)
+    for probability in study.reliability:
+        look = study.shown(probability.limit.quantity)
+        sign = "<=" if probability.limit.above else ">="
+        low, high = probability.sampled_interval
+        near = _cell(probability.near_points, 3)
         rows.append(
             (
-                f"{look.words} {sign} {look.text(one.limit.bound)}",
-                _cell(one.beta, 4),
-                _cell(one.first_order, 3),
-                _cell(one.second_order, 3),
-                near and f"{near} ± {one.near_points_error:.1g}",
-                f"{one.sampled:.3g} ({low:.2g} to {high:.2g})",
+                f"{look.words} {sign} {look.text(probability.limit.bound)}",
+                _cell(probability.beta, 4),
+                _cell(probability.first_order, 3),
+                _cell(probability.second_order, 3),
+                near and f"{near} ± {probability.near_points_error:.1g}",
+                f"{probability.sampled:.3g} ({low:.2g} to {high:.2g})",
             )
         )
     heads = ("Limit", "Beta", "1st order", "2nd order", "About the points", "Samples (95 %)")

@@ -100,7 +100,9 @@ def table_of(command: str) -> Table:
         units = attrgetter(name)(jc).units_of_nested()
         table = merged(table, {key: units} if key else units)
     if command == "animate":
-        return {one.family or one.name: one.unit for one in registered()} | table
+        return {
+            quantity.family or quantity.name: quantity.unit for quantity in registered()
+        } | table
     return table
 
 

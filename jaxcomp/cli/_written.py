@@ -39,13 +39,15 @@ def refuse_files_of_user(folder: Path, names: Iterable[str], force: bool) -> Non
     if force:
         return
     written = _record(folder)
-    others = [
+    foreign = [
         name
         for name in names
         if (folder / name).exists() and written.get(name) != _checksum_of(folder / name)
     ]
-    if others:
-        listed = ", ".join(others[:_FEW]) + (", ..." if len(others) > _FEW else "")
+    if foreign:
+        listed = ", ".join(foreign[:_FEW])
+        if len(foreign) > _FEW:
+            listed += ", ..."
         raise CommandError(
             f"--out {folder}: has {listed}, which no command wrote, or which was changed since; name "
             "another folder, or add --force to write over it"

@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from jaxcomp import solve_orbit
 from jaxcomp.cli import app
-from jaxcomp.cli._tables import beside_table
+from jaxcomp.cli._tables import comparison_table
 from jaxcomp.plot.interface import compared_losses
 from jaxcomp.scene import load, with_value
 from jaxcomp.study import Comparison
@@ -107,7 +107,7 @@ COMPARISON = Comparison(("a", "b", "c"), ROWS)
 
 
 def test_changes_are_those_against_the_first_and_absent_ones_stay_empty():
-    table = beside_table(COMPARISON)
+    table = comparison_table(COMPARISON)
     cells = [list(column.cells) for column in table.columns]
     assert cells[1:4] == [
         ["90 %", "200 W", ""],

@@ -24,20 +24,20 @@ def read(file):
 
 def test_pieces_are_in_a_file_until_the_work_ends(tmp_path, monkeypatch):
     monkeypatch.setattr(_output, "_EVERY", 0.0)
-    kept = _output.Partial(tmp_path / "out", "designs")
-    kept.keep({"bore [m]": [0.12]})
-    kept.keep({"bore [m]": [0.12, 0.13], "solved": [True, False]})
+    partial = _output.Partial(tmp_path / "out", "designs")
+    partial.keep({"bore [m]": [0.12]})
+    partial.keep({"bore [m]": [0.12, 0.13], "solved": [True, False]})
     file = tmp_path / "out" / "partial.csv"
     assert read(file)[1] == {"bore [m]": "0.13", "solved": "False"}
     assert _interrupts.say_stopped() == f"stopped after 2 designs; they are in {file}"
-    kept.done()
+    partial.finish()
     assert not file.exists()
     assert _interrupts.say_stopped() == "stopped"
 
 
 def test_without_a_folder_the_word_says_how_to_keep_them():
-    kept = _output.Partial(None, "machines")
-    kept.keep({"bore": np.arange(2000)})
+    partial = _output.Partial(None, "machines")
+    partial.keep({"bore": np.arange(2000)})
     words = "stopped after 2,000 machines; with --out FOLDER they are kept"
     assert _interrupts.say_stopped() == words
 

@@ -8,7 +8,7 @@ from jaxcomp.cli._arguments import si
 from jaxcomp.cli._map import axis
 from jaxcomp.cli._start import CommandError
 from jaxcomp.cli._sweep import axis_values
-from jaxcomp.cli._tables import beside_table
+from jaxcomp.cli._tables import comparison_table
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.interface import to_si
 from jaxcomp.scene.tolerances import read_tolerance
@@ -46,7 +46,7 @@ def test_temperatures_are_compared_by_their_difference():
         ComparedQuantity("discharge_temperature", "K", (400.0, 404.0)),
         ComparedQuantity("capacity", "W", (400.0, 404.0)),
     )
-    change = list(beside_table(Comparison(("First", "Second"), rows)).columns[-1].cells)
+    change = list(comparison_table(Comparison(("First", "Second"), rows)).columns[-1].cells)
     assert change == ["+4.00 K", "+1.00 %"]
 
 
