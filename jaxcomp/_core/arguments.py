@@ -11,56 +11,58 @@ from . import precision as precision  # before JAX runs anything
 from .errors import BadInput
 
 
-def listed_names(field: str, given: Any) -> Any:
+def listed_names(field: str, names: Any) -> Any:
     """Names in a list, or functions instead of names; `None` is left as it is.
 
     Raises:
         BadInput: a single text, or something else.
     """
-    if isinstance(given, str):
-        raise BadInput(field, f'"{given}"', f'a list, ["{given}"]')
-    entries = given if isinstance(given, Collection) else [given]
-    if given is not None and not all(isinstance(one, str) or callable(one) for one in entries):
+    if isinstance(names, str):
+        raise BadInput(field, f'"{names}"', f'a list, ["{names}"]')
+    if names is None:
+        return None
+    entries = names if isinstance(names, Collection) else [names]
+    if not all(isinstance(name, str) or callable(name) for name in entries):
         bound = 'a list of names, such as ["mechanical_efficiency"]'
-        raise BadInput(field, str(given), f"{bound}; values go by name, as in {{name: value}}")
-    return given
+        raise BadInput(field, str(names), f"{bound}; values go by name, as in {{name: value}}")
+    return names
 
 
-def by_names(field: str, given: Any, example: str) -> Any:
+def by_names(field: str, table: Any, example: str) -> Any:
     """Entries by name.
 
     Raises:
         BadInput: no dictionary, or nothing at all.
     """
-    if not isinstance(given, Mapping):
-        said = "absent" if given is None else f"a {type(given).__name__}"
-        raise BadInput(field, said, f"a dictionary by name, such as {example}, in SI units")
-    return given
+    if not isinstance(table, Mapping):
+        kind = "absent" if table is None else f"a {type(table).__name__}"
+        raise BadInput(field, kind, f"a dictionary by name, such as {example}, in SI units")
+    return table
 
 
-def bounds_by_names(field: str, given: Any) -> Mapping[Any, Any]:
+def bounds_by_names(field: str, bounds: Any) -> Mapping[Any, Any]:
     """Lower and upper bounds by name, `None` for an open end.
 
     Raises:
         BadInput: no dictionary, or an entry that is no pair of numbers.
     """
-    for name, ends in by_names(field, given or {}, '{"motor_power": (None, 5000.0)}').items():
+    for name, ends in by_names(field, bounds or {}, '{"motor_power": (None, 5000.0)}').items():
         pair = isinstance(ends, tuple | list) and len(ends) == 2
         if not pair or any(isinstance(end, str) or np.ndim(end or 0.0) for end in ends):
             example = "(low, high) in SI units with None for an open end"
             raise BadInput(str(name), str(ends), f"a pair of bounds {example}")
-    return given or {}
+    return bounds or {}
 
 
-def single_number(field: str, given: Any) -> Float[Array, ""]:
+def single_number(field: str, number: Any) -> Float[Array, ""]:
     """[SI] One number, traced or not.
 
     Raises:
         BadInput: a text, or an array.
     """
-    if isinstance(given, str):
-        raise BadInput(field, f'"{given}"', "a number in SI units, as 0.05 for 50 mm")
-    value = jnp.asarray(given, dtype=jnp.result_type(float))
+    if isinstance(number, str):
+        raise BadInput(field, f'"{number}"', "a number in SI units, as 0.05 for 50 mm")
+    value = jnp.asarray(number, dtype=jnp.result_type(float))
     if value.ndim:
         bound = "one number; for many designs at once map the function with `jax.vmap`"
         raise BadInput(field, value, bound)

@@ -97,12 +97,16 @@ class Shown(NamedTuple):
     def number(self, value: float, digits: int = 5) -> str:
         """A value [SI] without its unit, to so many `digits`."""
         number = f"{self.of(value):.{digits}g}"
-        return f"{number} ({self.drawn.of(value):.{digits}g})" if self.celsius else number
+        if self.celsius:
+            number += f" ({self.drawn.of(value):.{digits}g})"
+        return number
 
     def text(self, value: float, digits: int = 5) -> str:
         """A value [SI] with its unit, to so many `digits`."""
-        beside = f" ({self.drawn.text(value, digits)})" if self.celsius else ""
-        return f"{self.of(value):.{digits}g} {self.unit}".strip() + beside
+        text = f"{self.of(value):.{digits}g} {self.unit}".strip()
+        if self.celsius:
+            text += f" ({self.drawn.text(value, digits)})"
+        return text
 
     @property
     def differences(self) -> "Shown":
@@ -117,10 +121,16 @@ class Shown(NamedTuple):
 
 def spelled(name: str) -> tuple[str, bool]:
     """The words of a variable or quantity, and whether it is shown in per cent as a pure number."""
-    last = name.rpartition(".")[2]
-    one = registered_quantity(name) or registered_quantity(last)
-    percent = one.percent if one else last.endswith(_SHARES)
-    words = one.words if one and one.words and one.name == name else re.sub(r"[._-]", " ", name)
+    ending = name.rpartition(".")[2]
+    quantity = registered_quantity(name) or registered_quantity(ending)
+    words = re.sub(r"[._-]", " ", name)
+    if quantity is None:
+        percent = ending.endswith(_SHARES)
+    else:
+        percent = quantity.percent
+        # words of a quantity do not say of which part it is, as a dotted name does
+        if quantity.words and quantity.name == name:
+            words = quantity.words
     return words[:1].upper() + words[1:], percent
 
 
@@ -139,13 +149,17 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
         system: one of `SYSTEMS`.
     """
     words, percent = spelled(name)
+    if not unit and percent:
+        return Shown(words, "%", 100.0)
     if not unit:
-        return Shown(words, "%" if percent else "", 100.0 if percent else 1.0)
+        return Shown(words, "", 1.0)
     if is_temperature(name, unit):
         kelvin = Shown(words, unit, 1.0, celsius=True)
         fahrenheit = Shown(words, "°F", 1.8, 32 - 1.8 * ZERO_CELSIUS)
         return {"SI": kelvin, "US": fahrenheit}.get(system, kelvin.drawn)
-    units = _UNITS | _CUSTOMARY if system == "US" else _UNITS
+    units = _UNITS
+    if system == "US":
+        units = _UNITS | _CUSTOMARY
     import numpy as np  # not before it is needed: help and completion start without it
 
     values = np.abs(np.asarray(values, dtype=float))
@@ -166,13 +180,15 @@ def units_of(unit: str, percent: bool = False) -> str:
 
 def small_unit(unit: str) -> tuple[str, float]:
     """The unit of small changes and of corrections, with the factor from the SI unit to it."""
-    others = ((name, factor) for _, factor, name in _UNITS.get(unit, ()) if name in _SMALL)
-    return next(others, (unit, 1.0))
+    small_units = ((name, factor) for _, factor, name in _UNITS.get(unit, ()) if name in _SMALL)
+    return next(small_units, (unit, 1.0))
 
 
 def vibration_unit(unit: str) -> tuple[str, float]:
     """The unit in which a vibration is shown, micrometres of displacements, with the factor to it."""
-    return ("µm", 1e6) if unit == "m" else (unit, 1.0)
+    if unit == "m":
+        return "µm", 1e6
+    return unit, 1.0
 
 
 def axes_words(banks: Sequence[float]) -> str:
@@ -188,7 +204,9 @@ def axes_words(banks: Sequence[float]) -> str:
 
 def rounded(value: float, digits: int) -> str:
     """A number to so many digits, and to whole ones where it has more of them before the point."""
-    return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+    if abs(value) >= 10**digits:
+        return f"{value:.0f}"
+    return f"{value:.{digits}g}"
 
 
 _ALIGNED = re.compile(

@@ -7,6 +7,7 @@ sorted into groups: each is evaluated at once, and traced once.
 import dataclasses
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, ClassVar, TypeVar
 
 import equinox as eqx
@@ -24,12 +25,13 @@ _Tree = TypeVar("_Tree")
 
 def listed(tree: Any) -> dict[str, Array]:
     """The numbers of a part, or of a tree of parts, that are lists over cylinders, by dotted path."""
-    return {
-        f"{path}.{name}" if path else name: getattr(part, name)
-        for path, part in subparts(tree)
-        for name, field in quantities(part)
-        if is_listed(part, field, getattr(part, name))
-    }
+    numbers = {}
+    for path, part in subparts(tree):
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if is_listed(part, field, value):
+                numbers[f"{path}.{name}" if path else name] = value
+    return numbers
 
 
 def of_cylinder(tree: _Tree, number: int = 1) -> _Tree:
@@ -50,13 +52,15 @@ def _with_lists(tree: _Tree, change: Callable[[Array], Array], number: int | Non
     if not isinstance(tree, Part):
         return tree
     if isinstance(tree, AbstractEach) and number is not None:
-        return tree.one(number)
+        return tree.law_of_cylinder(number)
     changes = {}
     for field in dataclasses.fields(tree):
         value = getattr(tree, field.name)
         if isinstance(value, Part):
             new = _with_lists(value, change, number)
-            changes |= {} if new is value else {field.name: new}
+            # untouched parts stay the same objects, and a tree without lists is returned as it came
+            if new is not value:
+                changes[field.name] = new
         elif "unit" in field.metadata and is_listed(tree, field, value):
             changes[field.name] = change(value)
     return replaced(tree, **changes)  # pyright: ignore[reportReturnType]
@@ -79,30 +83,32 @@ def mapped(
         axis, out_axis: where that axis stands in the arguments and in what is returned.
     """
     if len(parts) == 1:
-        own = jax.tree.map(partial(lax.index_in_dim, index=0, axis=axis, keepdims=False), arguments)
-        one = function(parts[0], *own)
-        return jax.tree.map(partial(jnp.expand_dims, axis=out_axis), one)
+        # without `vmap`: a program for a single cylinder has no axis that it does not need
+        single = partial(lax.index_in_dim, index=0, axis=axis, keepdims=False)
+        value = function(parts[0], *jax.tree.map(single, arguments))
+        return jax.tree.map(partial(jnp.expand_dims, axis=out_axis), value)
+    # parts of one structure and of equal shapes are evaluated as one batch
     groups: dict[Any, list[int]] = {}
     for place, part in enumerate(parts):
         leaves, kind = jax.tree.flatten(part)
-        groups.setdefault((kind, *(jnp.shape(leaf) for leaf in leaves)), []).append(place)
-    found = []
+        groups.setdefault((kind, *map(jnp.shape, leaves)), []).append(place)
+    group_values = []
     for places in groups.values():
-        own = arguments
+        group_arguments = arguments
         if len(groups) > 1:
-            own = jax.tree.map(
-                partial(jnp.take, indices=np.array(places), axis=axis, mode="clip"), own
-            )
-        over = jax.vmap(function, in_axes=(0, *[axis] * len(own)), out_axes=out_axis)
-        found.append(over(stacked([parts[place] for place in places]), *own))
-    if len(found) == 1:
-        return found[0]
-    back = np.argsort([place for places in groups.values() for place in places])
+            take = partial(jnp.take, indices=np.array(places), axis=axis, mode="clip")
+            group_arguments = jax.tree.map(take, arguments)
+        in_axes = (0, *[axis] * len(group_arguments))
+        batched = jax.vmap(function, in_axes=in_axes, out_axes=out_axis)
+        group_values.append(batched(stacked([parts[place] for place in places]), *group_arguments))
+    if len(groups) == 1:
+        return group_values[0]
+    order = np.argsort(list(chain.from_iterable(groups.values())))
 
     def in_order(*values):
-        return jnp.take(jnp.concatenate(values, out_axis), back, out_axis, mode="clip")
+        return jnp.take(jnp.concatenate(values, out_axis), order, out_axis, mode="clip")
 
-    return jax.tree.map(in_order, *found)
+    return jax.tree.map(in_order, *group_values)
 
 
 class AbstractEach(Part):
@@ -136,11 +142,11 @@ class AbstractEach(Part):
                 bound = "a single value: cylinders with other values have a law of their own"
                 raise BadInput(f"laws.{number}.{path}", value, bound)
 
-    def one(self, number: int) -> Any:
+    def law_of_cylinder(self, number: int) -> Any:
         """The law of a cylinder, from 1."""
         return self.laws[self.of_cylinder[number - 1] - 1]
 
     def each(self, method: Callable[..., Any], *arguments) -> Any:
         """Values of a method of the laws for every cylinder, see `mapped`."""
-        laws = [self.one(number + 1) for number in range(len(self.of_cylinder))]
+        laws = [self.law_of_cylinder(number + 1) for number in range(len(self.of_cylinder))]
         return mapped(method, laws, *arguments)

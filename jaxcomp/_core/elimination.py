@@ -23,17 +23,19 @@ def solve_small(
     rows = jnp.arange(size)
 
     def eliminate(carry, k):
-        whole, free = carry
-        column = lax.dynamic_index_in_dim(whole, k, -1, keepdims=False)
+        augmented, free = carry
+        column = lax.dynamic_index_in_dim(augmented, k, -1, keepdims=False)
         # -1 keeps a row from being chosen twice, also where what is left of the column is zero.
         best = jnp.argmax(jnp.where(free, jnp.abs(column), -1.0), axis=-1)
-        chosen = rows == best[..., None]
-        pivot = jnp.sum(jnp.where(chosen, column, 0.0), axis=-1, keepdims=True)
-        row = jnp.sum(jnp.where(chosen[..., None], whole, 0.0), axis=-2) / pivot
-        rest = whole - column[..., None] * row[..., None, :]
-        return (jnp.where(chosen[..., None], row[..., None, :], rest), free & ~chosen), best
+        is_pivot = rows == best[..., None]
+        pivot = jnp.sum(jnp.where(is_pivot, column, 0.0), axis=-1, keepdims=True)
+        row = jnp.sum(jnp.where(is_pivot[..., None], augmented, 0.0), axis=-2) / pivot
+        reduced = augmented - column[..., None] * row[..., None, :]
+        return (jnp.where(is_pivot[..., None], row[..., None, :], reduced), free & ~is_pivot), best
 
     free = jnp.ones(matrix.shape[:-1], bool)
-    (whole, _), order = lax.scan(eliminate, (jnp.concatenate([matrix, right], -1), free), rows)
+    (augmented, _), order = lax.scan(eliminate, (jnp.concatenate([matrix, right], -1), free), rows)
     # the unknown k stands in the row that was its pivot
-    return jnp.take_along_axis(whole[..., size:], jnp.moveaxis(order, 0, -1)[..., None], axis=-2)
+    return jnp.take_along_axis(
+        augmented[..., size:], jnp.moveaxis(order, 0, -1)[..., None], axis=-2
+    )

@@ -46,12 +46,12 @@ class QuantityFailed(BadInput):
         self.args = (f"Quantity '{quantity}' of {place} fails: {problem.rstrip('.')}.",)
 
 
-def no_machine(given: Any, part: str = "") -> BadInput:
+def no_machine(value: Any, part: str = "") -> BadInput:
     """The complaint about an argument that should be a machine, or that `part` of a scene."""
-    text = isinstance(given, str | os.PathLike)
-    file = os.fspath(given) if text else "my.toml"
+    is_file = isinstance(value, str | os.PathLike)
+    file = os.fspath(value) if is_file else "my.toml"
     bound = f'a machine, such as `jaxcomp.load("{file}"){part}`'
-    return BadInput("machine", f'"{file}"' if text else f"a {type(given).__name__}", bound)
+    return BadInput("machine", f'"{file}"' if is_file else f"a {type(value).__name__}", bound)
 
 
 def kind_text(part: Any) -> str:
@@ -64,12 +64,16 @@ def value_text(value: Any) -> str:
     if value is None:
         return "absent"
     if isinstance(value, str):
-        whole = value or "empty"
-        return whole if len(whole) <= _LONGEST else f"{whole[: _LONGEST - 3]}..."
+        words = value or "empty"
+        if len(words) > _LONGEST:
+            return f"{words[: _LONGEST - 3]}..."
+        return words
     import numpy as np  # not before it is needed: the command line complains without it
 
     value = np.asarray(value)
     if value.ndim == 0:
         return f"{value.item():.6g}"
     text = np.array2string(value, precision=6, threshold=_MOST_ENTRIES, edgeitems=3)
-    return text if value.size <= _MOST_ENTRIES else f"{text}, {value.size} values"
+    if value.size > _MOST_ENTRIES:
+        text += f", {value.size} values"
+    return text

@@ -80,15 +80,17 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
             arguments, named = structure.unflatten(leaves)
         if not (enabled and programs.keeps()):
             return compiled(*arguments, **named)
-        rest = tuple(_hole(leaf) or leaf for leaf in leaves)
-        key = (structure, rest, _settings())
+        template = tuple(_hole(leaf) or leaf for leaf in leaves)
+        key = (structure, template, _settings())
         try:
             if key not in of_this_process:
-                of_this_process[key] = _program(function, rest, structure)
+                of_this_process[key] = _program(function, template, structure)
         except TypeError:  # an argument that has no hash
             return compiled(*arguments, **named)
         program = of_this_process[key]
-        return compiled(*arguments, **named) if program is None else program(leaves)
+        if program is None:
+            return compiled(*arguments, **named)
+        return program(leaves)
 
     return call  # pyright: ignore[reportReturnType]
 
@@ -112,11 +114,11 @@ def _hole(leaf: Any) -> _Hole | None:
     return None
 
 
-def _program(function: Callable, rest: tuple, structure: Any) -> Callable[[list], Any] | None:
+def _program(function: Callable, template: tuple, structure: Any) -> Callable[[list], Any] | None:
     """The program for arguments of one kind, kept before or traced now; `None` if it cannot be kept."""
-    holes = [one for one in rest if isinstance(one, _Hole)]
+    holes = [leaf for leaf in template if isinstance(leaf, _Hole)]
     try:
-        key = _pickled((function, structure.unflatten(rest)), _KeyPickler)
+        key = _pickled((function, structure.unflatten(template)), _KeyPickler)
         key = f"{hashlib.sha256(key).hexdigest()} {_ADDRESS.sub('', str(_settings()))}"
         path = programs.place(key)
         compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
@@ -125,32 +127,38 @@ def _program(function: Callable, rest: tuple, structure: Any) -> Callable[[list]
 
         @functools.cache
         def traced():
-            found = programs.read(path)
-            told, text = pickle.loads(found) if found else _traced(function, rest, structure, path)
+            entry = programs.read(path)
+            if entry:
+                result_template, text = pickle.loads(entry)
+            else:
+                result_template, text = _traced(function, template, structure, path)
             if b"lapack" in text:
                 _tell_of_lapack()
-            return told, jax.jit(export.deserialize(bytearray(text)).call)
+            return result_template, jax.jit(export.deserialize(bytearray(text)).call)
 
-        kept = _read_compiled(compiled_path)
-        if kept is None:
-            told, run = traced()
+        stored = _read_compiled(compiled_path)
+        if stored is None:
+            result_template, run = traced()
             with programs.kept_by_caller():
-                kept = told, run.lower(*map(_like, holes)).compile()
-            _write_compiled(compiled_path, *kept)
+                compiled = run.lower(*map(_like, holes)).compile()
+            _write_compiled(compiled_path, result_template, compiled)
+        else:
+            result_template, compiled = stored
     except Exception:  # no structure that can be written down, or nothing that JAX can export
         return None
-    told, compiled = kept
-    arrays = [place for place, one in enumerate(rest) if isinstance(one, _Hole)]
-    out, out_structure = jax.tree.flatten(told, is_leaf=lambda one: isinstance(one, _Hole))
-    places = [place for place, one in enumerate(out) if isinstance(one, _Hole)]
+    arrays = [place for place, leaf in enumerate(template) if isinstance(leaf, _Hole)]
+    out, out_structure = jax.tree.flatten(
+        result_template, is_leaf=lambda leaf: isinstance(leaf, _Hole)
+    )
+    places = [place for place, leaf in enumerate(out) if isinstance(leaf, _Hole)]
 
     def program(leaves):
         filled = list(out)
-        given = [leaves[i] for i in arrays]
+        numbers = [leaves[i] for i in arrays]
         try:
-            values = compiled(*given)
+            values = compiled(*numbers)
         except ValueError:  # arrays on another device
-            values = traced()[1](*given)
+            values = traced()[1](*numbers)
         for place, value in zip(places, values, strict=True):
             filled[place] = value
         return out_structure.unflatten(filled)
@@ -167,59 +175,63 @@ def _tell_of_lapack() -> None:
     jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
-def _write_compiled(path: Path, told: Any, compiled: Any) -> None:
+def _write_compiled(path: Path, result_template: Any, compiled: Any) -> None:
     """Keep a compiled program, if XLA can write it down."""
     with contextlib.suppress(Exception):
         text, *trees = serialize_executable.serialize(compiled)
         if programs.may_be_loaded(text):
-            programs.write(path, pickle.dumps((_pickled(told, _Pickler), text, *trees)))
+            programs.write(path, pickle.dumps((_pickled(result_template, _Pickler), text, *trees)))
 
 
 def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
     """Structure of the result and the compiled program, if it is kept."""
-    found = programs.read(path)
-    if found is None:
+    entry = programs.read(path)
+    if entry is None:
         return None
-    told, text, *trees = pickle.loads(found)
+    result_template, text, *trees = pickle.loads(entry)
     if b"lapack" in text:
         _tell_of_lapack()
     device = jax.devices()[:1]
     loaded = programs.loaded(
         path, lambda: serialize_executable.deserialize_and_load(text, *trees, None, device)
     )
-    return None if loaded is None else (pickle.loads(told), loaded)
+    if loaded is None:
+        return None
+    return pickle.loads(result_template), loaded
 
 
-def _traced(function: Callable, rest: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
+def _traced(function: Callable, template: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
     """Structure of the result and the traced program, which are kept."""
-    told = []
+    result_templates = []
 
     # Arrays in, arrays out: what is written down then knows nothing of the package's classes.
     def flat(*arrays):
-        given = iter(arrays)
-        filled = [next(given) if isinstance(one, _Hole) else one for one in rest]
+        values = iter(arrays)
+        filled = [next(values) if isinstance(leaf, _Hole) else leaf for leaf in template]
         arguments, named = structure.unflatten(filled)
         leaves, out = jax.tree.flatten(function(*arguments, **named))
-        told.append(out.unflatten([_traced_hole(leaf) or leaf for leaf in leaves]))
+        result_templates.append(out.unflatten([_traced_hole(leaf) or leaf for leaf in leaves]))
         return [leaf for leaf in leaves if _traced_hole(leaf)]
 
-    like = [_like(one) for one in rest if isinstance(one, _Hole)]
+    like = [_like(leaf) for leaf in template if isinstance(leaf, _Hole)]
     text = bytes(export.export(jax.jit(flat))(*like).serialize())
-    programs.write(path, _pickled((told[0], text), _Pickler))
-    return told[0], text
+    programs.write(path, _pickled((result_templates[0], text), _Pickler))
+    return result_templates[0], text
 
 
 def _traced_hole(leaf: Any) -> _Hole | None:
-    return _Hole(leaf.shape, leaf.dtype.str, False) if eqx.is_array(leaf) else _hole(leaf)
+    if eqx.is_array(leaf):
+        return _Hole(leaf.shape, leaf.dtype.str, False)
+    return _hole(leaf)
 
 
-def _pickled(thing: Any, pickler: type[pickle.Pickler]) -> bytes:
+def _pickled(value: Any, pickler: type[pickle.Pickler]) -> bytes:
     out = io.BytesIO()
-    made = pickler(out, protocol=5)
+    writer = pickler(out, protocol=5)
     # a key must not tell equal things from one thing twice, as a result that was read differs from one
     # that was traced
-    made.fast = pickler is _KeyPickler
-    made.dump(thing)
+    writer.fast = pickler is _KeyPickler
+    writer.dump(value)
     return out.getvalue()
 
 
@@ -230,9 +242,9 @@ class _Pickler(pickle.Pickler):
         _Refused: one is of another package.
     """
 
-    def reducer_override(self, thing: Any) -> Any:
+    def reducer_override(self, value: Any) -> Any:
         """Classes and functions are written by their names; of anything else its class is."""
-        owner = thing if hasattr(thing, "__qualname__") else type(thing)
+        owner = value if hasattr(value, "__qualname__") else type(value)
         if str(owner.__module__).partition(".")[0] not in _KNOWN:
             raise _Refused(repr(owner))
         return NotImplemented
@@ -241,14 +253,14 @@ class _Pickler(pickle.Pickler):
 class _KeyPickler(_Pickler):
     """Writes functions without a name of their own as well: they are never read again."""
 
-    def reducer_override(self, thing: Any) -> Any:
+    def reducer_override(self, value: Any) -> Any:
         """A function by its place in the sources, and by what it holds of where it was made."""
-        known = super().reducer_override(thing)
-        if not isinstance(thing, FunctionType):
-            return known
-        held = [cell.cell_contents for cell in thing.__closure__ or ()]
-        place = (thing.__module__, thing.__qualname__, thing.__code__.co_firstlineno)
-        return tuple, ((*place, held, thing.__defaults__, thing.__kwdefaults__),)
+        reduced = super().reducer_override(value)
+        if not isinstance(value, FunctionType):
+            return reduced
+        held = [cell.cell_contents for cell in value.__closure__ or ()]
+        place = (value.__module__, value.__qualname__, value.__code__.co_firstlineno)
+        return tuple, ((*place, held, value.__defaults__, value.__kwdefaults__),)
 
 
 def _settings() -> tuple[Any, ...]:

@@ -69,11 +69,18 @@ class Bound(NamedTuple):
         """
         # constants throughout: a program has this for each of the hundred numbers of a machine
         low, high = self._ends
-        at_low = low + 1e-6 * max(1.0, abs(low)) if self.low_open else low
-        at_high = high - 1e-6 * max(1.0, abs(high)) if self.high_open else high
+        at_low = low
+        at_high = high
+        if self.low_open:
+            at_low = low + 1e-6 * max(1.0, abs(low))
+        if self.high_open:
+            at_high = high - 1e-6 * max(1.0, abs(high))
+        # an end that `LARGEST` has set is no size to go on with
         usual = min(max(1.0, at_low), at_high)
-        at_low = at_low if low == self.low else usual
-        at_high = at_high if high == self.high else usual
+        if low != self.low:
+            at_low = usual
+        if high != self.high:
+            at_high = usual
         return jnp.where(self.inside(x), x, jnp.where(x <= low, at_low, at_high))
 
     def __str__(self) -> str:
@@ -195,14 +202,8 @@ class Part(eqx.Module):
             listed = is_listed(self, field, value)
             if not listed:
                 _check_shape(type(self).__name__, name, value, field.metadata["shape"])
-            if not is_traced(value) and not (inside := bound.inside(np.asarray(value))).all():
-                place = int(np.argmin(inside)) if listed else 0
-                large = np.any(np.abs(value) > LARGEST) and bound.high > LARGEST
-                size = ", and at most 1e25 in size" if large else ""
-                size = size or _in_metres(np.asarray(value), declared["bound"], bound)
-                unit = "" if bound == ANY else f" {declared['unit']}".rstrip()
-                where = f"{bound}{unit}{size}{f' in cylinder {place + 1}' if listed else ''}"
-                raise BadInput(name, value[place] if listed else value, where)
+            if not is_traced(value) and not bound.inside(np.asarray(value)).all():
+                raise _outside(name, value, bound, declared, listed)
         for rule, holds in known_values(self).conditions().items():
             if not is_traced(holds) and not np.all(holds):
                 where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
@@ -212,10 +213,12 @@ class Part(eqx.Module):
         return printed(self)
 
     def _values(self) -> str:
-        pairs = [(name, getattr(self, name)) for name, _ in quantities(self)]
-        return ", ".join(
-            f"{n} = {value_text(v)}" for n, v in pairs if v is not None and v.ndim == 0
-        )
+        texts = []
+        for name, _ in quantities(self):
+            value = getattr(self, name)
+            if value is not None and value.ndim == 0:
+                texts.append(f"{name} = {value_text(value)}")
+        return ", ".join(texts)
 
 
 def quantities(part: Part | type[Part]) -> Iterator[tuple[str, dataclasses.Field]]:
@@ -275,7 +278,9 @@ def at(tree: Any, path: str | Sequence[str]) -> Any:
     Raises:
         LookupError: a step leads nowhere.
     """
-    for step in path.split(".") if isinstance(path, str) else path:
+    if isinstance(path, str):
+        path = path.split(".")
+    for step in path:
         several = isinstance(tree, tuple | list) or (eqx.is_array(tree) and tree.ndim)
         if isinstance(tree, Mapping):
             tree = tree[step]
@@ -350,6 +355,23 @@ def rebuilt(part: _Tree, **changes) -> _Tree:
     return new
 
 
+def _outside(
+    name: str, value: Any, bound: Bound, declared: Mapping[str, Any], listed: bool
+) -> BadInput:
+    """The complaint about a value outside its bound; of a list it names the first such cylinder."""
+    allowed = str(bound)
+    if bound != ANY:
+        allowed += f" {declared['unit']}".rstrip()
+    if np.any(np.abs(value) > LARGEST) and bound.high > LARGEST:
+        allowed += ", and at most 1e25 in size"
+    else:
+        allowed += _in_metres(np.asarray(value), declared["bound"], bound)
+    if not listed:
+        return BadInput(name, value, allowed)
+    place = int(np.argmin(bound.inside(np.asarray(value))))
+    return BadInput(name, value[place], f"{allowed} in cylinder {place + 1}")
+
+
 def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
     """Advice for a length that was given in millimetres."""
     if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
@@ -368,10 +390,12 @@ def _as_float(value: Any) -> Any:
 def known_values(part: _Tree) -> _Tree:
     """A copy whose values are arrays of NumPy, where they are known: comparing them compiles nothing."""
 
-    def of(leaf):
-        return np.asarray(leaf) if isinstance(leaf, Array) and not is_traced(leaf) else leaf
+    def concrete(leaf):
+        if isinstance(leaf, Array) and not is_traced(leaf):
+            return np.asarray(leaf)
+        return leaf
 
-    return jax.tree.map(of, part)
+    return jax.tree.map(concrete, part)
 
 
 def is_traced(value: Any) -> bool:
@@ -385,16 +409,18 @@ def strongly_typed(leaf: Any) -> Any:
     `jnp.asarray(0.04)` is weakly typed, and programs of their own are compiled for weak types: a field
     set to it would have a whole solution compiled anew.
     """
-    weak = isinstance(leaf, jax.Array) and not is_traced(leaf) and leaf.weak_type
-    return jnp.asarray(leaf, leaf.dtype) if weak else leaf
+    if isinstance(leaf, jax.Array) and not is_traced(leaf) and leaf.weak_type:
+        return jnp.asarray(leaf, leaf.dtype)
+    return leaf
 
 
 def _check_shape(owner: str, name: str, value: Array, shape: tuple) -> None:
     if shape == (...,):
         return
-    if len(value.shape) != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, value.shape, strict=True)
-    ):
+    fits = len(value.shape) == len(shape)
+    for expected, length in zip(shape, value.shape, strict=False):
+        fits &= expected is None or expected == length
+    if not fits:
         raise ValueError(
             f"`{owner}.{name}` must have shape {shape}, but has shape {value.shape}; "
             "for many designs at once map the function with `jax.vmap`."

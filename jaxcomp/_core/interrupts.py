@@ -39,7 +39,8 @@ def words_when_stopped(words: str = "stopped") -> None:
 
 def say_stopped() -> str:
     """The words, which are said once."""
-    words, _state["words"] = _state["words"], ""
+    words = _state["words"]
+    _state["words"] = ""
     return words
 
 
@@ -89,9 +90,10 @@ def ends_when_interrupted() -> Iterator[None]:
         time.sleep(_GRACE)
         _leave(flush=False)  # the main thread may hold the streams
 
-    def unraisable(what):
-        if not issubclass(what.exc_type, KeyboardInterrupt):
-            hook(what)
+    # an interrupt within the garbage collector is no error to tell of: the handler ends the process
+    def unraisable(event):
+        if not issubclass(event.exc_type, KeyboardInterrupt):
+            hook(event)
 
     hook = sys.unraisablehook
     sys.unraisablehook = unraisable

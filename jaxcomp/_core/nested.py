@@ -15,7 +15,7 @@ from typing import Any, Union
 from .registry import registered_quantity
 
 
-class Said(str):
+class UnitNote(str):
     """Where the unit of a number is said that is not in its key."""
 
 
@@ -23,22 +23,22 @@ Table = Mapping[str, Union[str, "Table"]]
 
 # Notes that stand in braces in the place of a unit. Quantities and numbers of a machine listed by their
 # names each have their unit behind their name; two units are those that the result has under a key.
-NAMED = Said("by name, with the unit that the registry or the result has for the name")
-OF_THE_WHOLE = (Said("vibration_unit"), Said("correction_unit"))
+NAMED = UnitNote("by name, with the unit that the registry or the result has for the name")
+OF_THE_WHOLE = (UnitNote("vibration_unit"), UnitNote("correction_unit"))
 NOTES = {
-    "beside": Said("in the unit that stands beside it"),
-    "quantity": Said("in the unit of the quantity"),
-    "number": Said("in the unit of the number of the machine"),
-    "ratio": Said("in the unit of the quantity over that of the number"),
-    "mixed": Said("in metres along x, y and z and in radians about them"),
-    "option": Said("as the option was given"),
-    "bytes": Said("in bytes"),
-    "parameters": Said("in the units of the parameters"),
-    "celsius": Said("in SI units, temperatures in degrees Celsius"),
-    "file": Said("as it stands in the file"),
-    "efficiency": Said("an efficiency, or of a response a displacement in metres"),
+    "beside": UnitNote("in the unit that stands beside it"),
+    "quantity": UnitNote("in the unit of the quantity"),
+    "number": UnitNote("in the unit of the number of the machine"),
+    "ratio": UnitNote("in the unit of the quantity over that of the number"),
+    "mixed": UnitNote("in metres along x, y and z and in radians about them"),
+    "option": UnitNote("as the option was given"),
+    "bytes": UnitNote("in bytes"),
+    "parameters": UnitNote("in the units of the parameters"),
+    "celsius": UnitNote("in SI units, temperatures in degrees Celsius"),
+    "file": UnitNote("as it stands in the file"),
+    "efficiency": UnitNote("an efficiency, or of a response a displacement in metres"),
     "named": NAMED,
-    **{str(one): one for one in OF_THE_WHOLE},
+    **{str(note): note for note in OF_THE_WHOLE},
 }
 
 _GROUP = re.compile(r" *(?P<keys>[^[{]*?) *(\[(?P<unit>.*)\]|\{(?P<note>.*)\})?")
@@ -51,23 +51,27 @@ def units_table(text: str) -> Table:
     for line in text.split("\n"):
         places, colon, groups = line.strip().rpartition(":")
         for place in places.split("|"):
-            there = table
-            for key in place.split(".") if colon else ():
-                there = there.setdefault(key, {})
-            for one in filter(None, map(_GROUP.fullmatch, groups.split(";"))):
-                unit = NOTES[one["note"]] if one["note"] else one["unit"] or ""
-                there |= dict.fromkeys(filter(None, one["keys"].split(", ")), unit)
+            entries = table
+            if colon:
+                for key in place.split("."):
+                    entries = entries.setdefault(key, {})
+            for group in filter(None, map(_GROUP.fullmatch, groups.split(";"))):
+                unit = group["unit"] or ""
+                if group["note"]:
+                    unit = NOTES[group["note"]]
+                entries |= dict.fromkeys(filter(None, group["keys"].split(", ")), unit)
     return table
 
 
 def merged(*tables: Table) -> Table:
     """One table of several, of which a later one counts where both name a number."""
-    whole: dict[str, Any] = {}
+    union: dict[str, Any] = {}
     for table in tables:
-        for key, told in table.items():
-            inner = isinstance(told, Mapping) and isinstance(whole.get(key), Mapping)
-            whole[key] = merged(whole[key], told) if inner else told
-    return whole
+        for key, entry in table.items():
+            if isinstance(entry, Mapping) and isinstance(union.get(key), Mapping):
+                entry = merged(union[key], entry)
+            union[key] = entry
+    return union
 
 
 def with_units(numbers: dict[str, Any], table: Table) -> dict[str, Any]:
@@ -90,45 +94,53 @@ class _Keyed:
         self.root = result
         self.named = {}
         for value in result.values():
-            for one in value if isinstance(value, list | tuple) else [value]:
-                self._learn(one)
+            entries = value if isinstance(value, list | tuple) else [value]
+            for entry in entries:
+                self._learn(entry)
 
-    def _learn(self, one: Any) -> None:
-        if isinstance(one, dict) and {"name", "unit"} <= {*one}:
-            self.named[one["name"]] = one["unit"]
-        elif isinstance(one, dict):
-            inner = {k: v for k, v in one.items() if isinstance(v, dict) and "unit" in v}
-            self.named |= {name: entry["unit"] for name, entry in inner.items()}
+    def _learn(self, part: Any) -> None:
+        if isinstance(part, dict) and {"name", "unit"} <= {*part}:
+            self.named[part["name"]] = part["unit"]
+        elif isinstance(part, dict):
+            for name, entry in part.items():
+                if isinstance(entry, dict) and "unit" in entry:
+                    self.named[name] = entry["unit"]
 
     def of(self, value: Any, table: Table) -> Any:
         """A part of the result with units in its keys."""
         if isinstance(value, list | tuple):
-            return [self.of(one, table) for one in value]
+            return [self.of(entry, table) for entry in value]
         if not isinstance(value, dict):
             return value
         out = {}
-        table = value.units if isinstance(value, _OfResult) else table
+        if isinstance(value, _OfResult):
+            table = value.units
         for key, inner in value.items():
-            of_result = isinstance(inner, _OfResult)
-            told = {} if of_result else table.get(key, table.get("*", {}))
-            if told is NAMED and not isinstance(inner, dict):  # names stand beside each other
-                told = self._unit(key)
-            if told is NAMED:
+            note = table.get(key, table.get("*", {}))
+            if isinstance(inner, _OfResult):
+                note = {}  # it brings its own units
+            if note is NAMED and not isinstance(inner, dict):  # names stand beside each other
+                note = self._unit(key)
+            if note is NAMED:
                 out[key] = {self._key(name, self._unit(name), x): x for name, x in inner.items()}
-            elif not isinstance(told, str):
-                out[key] = self.of(inner, told)
+            elif not isinstance(note, str):
+                out[key] = self.of(inner, note)
             else:
-                unit = self.root.get(told, "") if told in OF_THE_WHOLE else told
-                out[self._key(key, "" if isinstance(unit, Said) else unit, inner)] = inner
+                unit = self.root.get(note, "") if note in OF_THE_WHOLE else note
+                if isinstance(unit, UnitNote):
+                    unit = ""  # the note is for readers of the schema
+                out[self._key(key, unit, inner)] = inner
         return out
 
     def _unit(self, name: str) -> str:
-        one = registered_quantity(name)
-        return self.named.get(name, one.unit if one else "")
+        quantity = registered_quantity(name)
+        return self.named.get(name, quantity.unit if quantity else "")
 
     @staticmethod
     def _key(key: str, unit: str, value: Any) -> str:
-        return f"{key} [{unit}]" if unit and not isinstance(value, bool | str) else key
+        if unit and not isinstance(value, bool | str):
+            return f"{key} [{unit}]"
+        return key
 
 
 # ------------------------------------------------------------------- making of nested numbers
@@ -142,32 +154,36 @@ def plain(value: Any) -> Any:
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):
-        return {key: plain(one) for key, one in value.items()}
+        return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(entry) for entry in value]
     if hasattr(value, "tolist"):
         return plain(value.tolist())
     if isinstance(value, complex):
         value = abs(value)
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return None  # JSON has no word for it
+    return value
 
 
 def records(**columns: Any) -> list[dict[str, Any]]:
     """The rows of columns of equal length, each by the names of the columns."""
-    lists = (one.tolist() if hasattr(one, "tolist") else one for one in columns.values())
+    lists = (
+        column.tolist() if hasattr(column, "tolist") else column for column in columns.values()
+    )
     return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
 
-def fields_of(found: Any, *names: str) -> dict[str, Any]:
+def fields_of(result: Any, *names: str) -> dict[str, Any]:
     """Some attributes of a result by name."""
-    return {name: getattr(found, name) for name in names}
+    return {name: getattr(result, name) for name in names}
 
 
 # ------------------------------------------------------------------- schema
-def _any_depth(name: str, one: dict[str, Any]) -> dict[str, Any]:
-    again = {"$ref": f"#/$defs/{name}"}
-    lists = {"type": "array", "items": again}
-    return {"anyOf": [one, lists, {"type": "object", "additionalProperties": again}]}
+def _any_depth(name: str, schema: dict[str, Any]) -> dict[str, Any]:
+    reference = {"$ref": f"#/$defs/{name}"}
+    lists = {"type": "array", "items": reference}
+    return {"anyOf": [schema, lists, {"type": "object", "additionalProperties": reference}]}
 
 
 # What the schemas of results refer to, in `$defs`.
@@ -184,35 +200,37 @@ def schema_of(table: Table) -> dict[str, Any]:
     """JSON schema of an object with these units in its keys; refers to `SCHEMAS` in `$defs`."""
     properties = {}
     patterns = {}
-    others = _WORDS
-    for key, told in table.items():
-        if not isinstance(told, str):
-            inner = _listed(schema_of(told))
+    further = _WORDS
+    for key, entry in table.items():
+        if not isinstance(entry, str):
+            inner = _listed(schema_of(entry))
             key_is = key
             schema = {"anyOf": [inner, _WORDS]}
-        elif told in OF_THE_WHOLE:
-            patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {"description": f"in the unit of `{told}`"}
+        elif entry in OF_THE_WHOLE:
+            patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {
+                "description": f"in the unit of `{entry}`"
+            }
             continue
-        elif isinstance(told, Said):
+        elif isinstance(entry, UnitNote):
             key_is = key
-            schema = {"$ref": "#/$defs/stated", "description": str(told)}
+            schema = {"$ref": "#/$defs/stated", "description": str(entry)}
         else:
-            key_is = f"{key} [{told}]" if told else key
+            key_is = f"{key} [{entry}]" if entry else key
             schema = _NUMBERS
-        if key == "*" and told and key_is != key:
-            patterns[rf" \[{re.escape(told)}\]$"] = schema
+        if key == "*" and entry and key_is != key:
+            patterns[rf" \[{re.escape(entry)}\]$"] = schema
         elif key == "*":
-            others = {"anyOf": [schema, _WORDS]}
+            further = {"anyOf": [schema, _WORDS]}
         else:
             properties[key_is] = schema
     return {
         "type": "object",
         "properties": properties,
         "patternProperties": patterns,
-        "additionalProperties": others,
+        "additionalProperties": further,
     }
 
 
-def _listed(one: dict[str, Any]) -> dict[str, Any]:
-    twice = {"type": "array", "items": one}
-    return {"anyOf": [one, {"type": "array", "items": {"anyOf": [one, twice]}}]}
+def _listed(schema: dict[str, Any]) -> dict[str, Any]:
+    twice = {"type": "array", "items": schema}
+    return {"anyOf": [schema, {"type": "array", "items": {"anyOf": [schema, twice]}}]}

@@ -28,10 +28,10 @@ class Rule(NamedTuple):
 
         Without derivatives to the places.
         """
-        own = np.eye(self.nodes.size, dtype=bool)
-        between = 1 / np.prod(np.where(own, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
+        diagonal = np.eye(self.nodes.size, dtype=bool)
+        between = 1 / np.prod(np.where(diagonal, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
         away = jnp.clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
-        return between * jnp.prod(jnp.where(own, 1.0, away), axis=-1)
+        return between * jnp.prod(jnp.where(diagonal, 1.0, away), axis=-1)
 
     @property
     def damping(self) -> np.ndarray:
@@ -82,20 +82,25 @@ def legendre_columns(x: Float[Array, "*n"], count: int) -> Float[Array, "count *
 def cubic_step(t, width, ends, slopes):
     """Value at a share t of a step of the cubic with these values and slopes at its ends (Hermite)."""
     s = 1 - t
-    (begin, end), (first, last) = ends, slopes
+    begin, end = ends
+    begin_slope, end_slope = slopes
     return (
         begin * s * s * (1 + 2 * t)
         + end * t * t * (1 + 2 * s)
-        + width * t * s * (first * s - last * t)
+        + width * t * s * (begin_slope * s - end_slope * t)
     )
 
 
 def quintic_step(t, width, ends, slopes, bends):
     """Step of an event on the quintic with these values, slopes and second derivatives at its ends."""
     s = 1 - t
-    (begin, end), (first, last), (bend, bent) = ends, slopes, bends
-    near = begin * (1 + 3 * t + 6 * t**2) + width * t * (first * (1 + 3 * t) + width * t * bend / 2)
-    far = end * (1 + 3 * s + 6 * s**2) - width * s * (last * (1 + 3 * s) - width * s * bent / 2)
+    begin, end = ends
+    begin_slope, end_slope = slopes
+    begin_bend, end_bend = bends
+    near_slope = begin_slope * (1 + 3 * t) + width * t * begin_bend / 2
+    near = begin * (1 + 3 * t + 6 * t**2) + width * t * near_slope
+    far_slope = end_slope * (1 + 3 * s) - width * s * end_bend / 2
+    far = end * (1 + 3 * s + 6 * s**2) - width * s * far_slope
     return s**3 * near + t**3 * far
 
 
@@ -106,10 +111,12 @@ def cubics(
     slopes: Float[Array, " n"],
 ) -> Float[Array, "*m"]:
     """Value at x of the cubics between points with these slopes; those at the ends go on beyond."""
-    left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
-    width = knots[left + 1] - knots[left]
-    t = (x - knots[left]) / width
-    return cubic_step(t, width, (values[left], values[left + 1]), (slopes[left], slopes[left + 1]))
+    interval = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    width = knots[interval + 1] - knots[interval]
+    t = (x - knots[interval]) / width
+    return cubic_step(
+        t, width, (values[interval], values[interval + 1]), (slopes[interval], slopes[interval + 1])
+    )
 
 
 def inner_slopes(
@@ -118,4 +125,6 @@ def inner_slopes(
     """Slopes of the lines between points, and of the parabolas through three at all but the ends."""
     gap = jnp.diff(knots)
     secant = jnp.diff(values) / gap
-    return secant, (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
+    # the slope of the parabola weights each secant with the other gap: the nearer point counts more
+    parabola = (gap[1:] * secant[:-1] + gap[:-1] * secant[1:]) / (gap[1:] + gap[:-1])
+    return secant, parabola

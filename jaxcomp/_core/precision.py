@@ -31,11 +31,11 @@ _told: dict[str, str] = {}
 
 def tell_xla(flag: str, value: str) -> None:
     """Set a flag of XLA that the user has not set; without effect once JAX has run anything."""
-    given = os.environ.get("XLA_FLAGS", "")
+    flags = os.environ.get("XLA_FLAGS", "")
     if flag in _told:  # told before, by this function
-        given = given.replace(f"{flag}={_told[flag]}", "").strip()
-    if flag not in given:
-        os.environ["XLA_FLAGS"] = f"{given} {flag}={value}".strip()
+        flags = flags.replace(f"{flag}={_told[flag]}", "").strip()
+    if flag not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {flag}={value}".strip()
         _told[flag] = value
 
 

@@ -12,41 +12,47 @@ from jax.core import Tracer
 from .display import shown
 
 
-def _lines(thing: Any, name: str, indent: str = "") -> Iterator[str]:
+def _lines(tree: Any, name: str, indent: str = "") -> Iterator[str]:
     """A part, or whatever holds parts, with values and units; a line for each value."""
     head = f"{indent}{name}: " if name else indent
-    if dataclasses.is_dataclass(thing):
-        yield head + type(thing).__name__
-        for field in dataclasses.fields(thing):
-            value = getattr(thing, field.name)
+    if dataclasses.is_dataclass(tree):
+        yield head + type(tree).__name__
+        for field in dataclasses.fields(tree):
+            value = getattr(tree, field.name)
             if not field.repr:  # tables that follow from the other fields
                 continue
             if "unit" in field.metadata and value is not None:
-                look = shown(field.name, field.metadata["unit"], value)
-                numbers = np.asarray(value)
-                if numbers.size and np.all(numbers == numbers.flat[0]):
-                    text = look.text(float(numbers.flat[0]))
-                    text += f", each of {numbers.size}" if numbers.size > 1 else ""
-                else:
-                    scaled = look.drawn.of(numbers)
-                    text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
-                    text = f"{' '.join(text.split())} {look.drawn.unit}".rstrip()
+                text = _values_text(field.name, field.metadata["unit"], np.asarray(value))
                 yield f"{indent}  {field.name}: {text}"
             elif value is not None and value != {} and value != ():
                 yield from _lines(value, field.name, f"{indent}  ")
-    elif isinstance(thing, dict | tuple) and any(
-        dataclasses.is_dataclass(one)
-        for one in (thing.values() if isinstance(thing, dict) else thing)
-    ):
+        return
+    children: dict[Any, Any] = {}
+    if isinstance(tree, dict):
+        children = tree
+    elif isinstance(tree, tuple):
+        children = dict(enumerate(tree))
+    if any(map(dataclasses.is_dataclass, children.values())):
         yield head.rstrip()
-        for key, value in thing.items() if isinstance(thing, dict) else enumerate(thing):
+        for key, value in children.items():
             yield from _lines(value, str(key), f"{indent}  ")
     else:
-        yield head + str(thing)
+        yield head + str(tree)
 
 
-def printed(thing: Any) -> str:
+def _values_text(name: str, unit: str, values: np.ndarray) -> str:
+    """Values [SI] of a field in the unit that suits them; equal ones stand there once."""
+    look = shown(name, unit, values)
+    if values.size and np.all(values == values.flat[0]):
+        text = look.text(float(values.flat[0]))
+        return text if values.size == 1 else f"{text}, each of {values.size}"
+    scaled = look.drawn.of(values)
+    text = np.array2string(scaled, precision=5, threshold=12, separator=", ")
+    return f"{' '.join(text.split())} {look.drawn.unit}".rstrip()
+
+
+def printed(tree: Any) -> str:
     """A part, or a tree of parts such as a machine, with values and units."""
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(thing)):
-        return eqx.tree_pformat(thing)
-    return "\n".join(_lines(thing, ""))
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree)):
+        return eqx.tree_pformat(tree)
+    return "\n".join(_lines(tree, ""))

@@ -60,7 +60,7 @@ _by_caller: ContextVar[bool] = ContextVar("by_caller", default=False)
 _written: list[int] = []  # since the last look
 
 
-class Kept(NamedTuple):
+class CacheStatus(NamedTuple):
     """Store of compiled programs.
 
     Attributes:
@@ -76,25 +76,26 @@ class Kept(NamedTuple):
     size: int = 0
 
 
-def kept() -> Kept:
+def cache_status() -> CacheStatus:
     """Folder, number and size of the programs that are kept."""
     if of_jax := _setting("compilation_cache_dir"):
-        return Kept(None, f"JAX keeps them in {of_jax}")
+        return CacheStatus(None, f"JAX keeps them in {of_jax}")
     root = _root()
     if root is None:
-        return Kept(None, f"{ENVIRONMENT} is off")
+        return CacheStatus(None, f"{ENVIRONMENT} is off")
     why = _refused(root)
     if why:
-        return Kept(None, f"{root} {why}")
+        return CacheStatus(None, f"{root} {why}")
     sizes = [status.st_size for path, status in _files(root) if path.suffix == _ENTRY]
-    return Kept(root, "", len(sizes), sum(sizes))
+    return CacheStatus(root, "", len(sizes), sum(sizes))
 
 
-def forget_kept() -> None:
+def empty_cache() -> None:
     """Remove the programs that are kept, and nothing else that lies in their folder."""
-    folder = kept().folder
-    for path, _ in _files(folder) if folder else ():
-        _remove(path)
+    folder = cache_status().folder
+    if folder is not None:
+        for path, _ in _files(folder):
+            _remove(path)
 
 
 def keep_programs() -> None:
@@ -126,32 +127,32 @@ def _set(switch: ContextVar[bool]) -> Iterator[None]:
 
 
 def _compiled(
-    compile_one: Callable, backend, computation, devices, options, callbacks, *rest, **named
+    compile_one: Callable, backend, computation, devices, options, callbacks, *further, **named
 ):
     """The program of a computation, read where it is kept; stands for the function of JAX."""
     text = io.BytesIO()
     computation.operation.write_bytecode(file=text)
     code = text.getvalue()
-    ours = _is_ours(code)
+    of_package = _is_ours(code)
     path = None
     by_caller = _by_caller.get()
-    if ours and not callbacks and not by_caller:
+    if of_package and not callbacks and not by_caller:
         path = _path(computation, devices, options, backend)
-    if path is not None and (found := read(path)):
-        to = rest[0] if rest else named["executable_devices"]
-        program = loaded(path, lambda: backend.deserialize_executable(found, to, options))
+    if path is not None and (entry := read(path)):
+        to = further[0] if further else named["executable_devices"]
+        program = loaded(path, lambda: backend.deserialize_executable(entry, to, options))
         if program is not None:
             return program
-    telling = (
-        compiling(len(code), by_caller or path is not None) if ours else contextlib.nullcontext()
-    )
+    telling = contextlib.nullcontext()
+    if of_package:
+        telling = compiling(len(code), by_caller or path is not None)
     with telling, compile_time:
-        program = compile_one(backend, computation, devices, options, callbacks, *rest, **named)
+        program = compile_one(backend, computation, devices, options, callbacks, *further, **named)
     if path is not None:
         with contextlib.suppress(Exception):  # a program that XLA cannot write down
-            made = program.serialize()
-            if may_be_loaded(made):
-                write(path, made)
+            serialized = program.serialize()
+            if may_be_loaded(serialized):
+                write(path, serialized)
     return program
 
 
@@ -181,13 +182,13 @@ def _quiet() -> Iterator[None]:
     """
     from jax._src.lib import utils
 
-    told = _setting("logging_level") not in (None, "NOTSET")
-    if not told:
+    user_listens = _setting("logging_level") not in (None, "NOTSET")
+    if not user_listens:
         utils.absl_set_min_log_level(3)
     try:
         yield
     finally:
-        if not told:
+        if not user_listens:
             utils.absl_set_min_log_level(int(os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1")))
 
 
@@ -259,13 +260,14 @@ def _setting(name: str) -> Any:
 
 
 def _root() -> Path | None:
-    wanted = os.environ.get(ENVIRONMENT)
-    if wanted is None:
+    setting = os.environ.get(ENVIRONMENT)
+    if setting is None:
         import platformdirs
 
         return platformdirs.user_cache_path("jaxcomp") / "programs"
-    off = wanted.strip().lower() in ("off", "0", "no", "")
-    return None if off else Path(wanted).expanduser().absolute()
+    if setting.strip().lower() in ("off", "0", "no", ""):
+        return None
+    return Path(setting).expanduser().absolute()
 
 
 def _refused(folder: Path) -> str:
@@ -295,9 +297,9 @@ def _build() -> str:
     """Identity of everything that a program depends on beside its own text."""
     from importlib.metadata import version
 
-    said = [sys.version, platform.platform(), _processor()]
-    said += [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
-    digest = hashlib.sha256("\n".join(said).encode())
+    parts = [sys.version, platform.platform(), _processor()]
+    parts += [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
+    digest = hashlib.sha256("\n".join(parts).encode())
     for path in sorted(_PACKAGE.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:32]
@@ -324,9 +326,9 @@ def read(path: Path) -> bytes | None:
         with open(os.open(path, flags), "rb") as file:
             if _untrusted(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
-            said = file.read(32)
+            checksum = file.read(32)
             data = file.read()
-        if said == _sum(path, data):
+        if checksum == _sum(path, data):
             with contextlib.suppress(OSError):
                 # What was read longest ago goes first, see `_make_room`.
                 os.utime(path)
@@ -367,7 +369,7 @@ def _make_room(root: Path) -> None:
     """Remove what was read longest ago, until the rest has room, and what was left half written."""
     size = 0
     old = time.time() - _ABANDONED
-    for path, status in sorted(_files(root), key=lambda one: -one[1].st_mtime):
+    for path, status in sorted(_files(root), key=lambda entry: -entry[1].st_mtime):
         size += status.st_size
         if size > _LIMIT or (path.suffix != _ENTRY and status.st_mtime < old):
             _remove(path)

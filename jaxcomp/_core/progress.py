@@ -34,7 +34,7 @@ _UNNAMED = (f"{os.sep}cli{os.sep}", f"{os.sep}_core{os.sep}", "__main__.py")
 class _Compiles:
     """Whether compiling is told, and for which machine."""
 
-    told = False
+    announced = False
     machine = ""
     status: Any = None  # of rich, which shows that something goes on; it says what compiles
 
@@ -44,30 +44,37 @@ def watch_compiles(machine: str = "") -> None:
 
     The command line does; elsewhere `JAXCOMP_WAITS=on` does as much.
     """
-    _Compiles.told, _Compiles.machine = True, machine or _Compiles.machine
+    _Compiles.announced = True
+    if machine:
+        _Compiles.machine = machine
 
 
 def watched() -> bool:
     """Whether somebody waits for a command, who is told how long it takes."""
-    return _Compiles.told
+    return _Compiles.announced
 
 
 @contextmanager
-def compiling(size: int, kept: bool = False) -> Iterator[None]:
+def compiling(size: int, cached: bool = False) -> Iterator[None]:
     """A program of so many bytes is compiled; say so before if that takes long.
 
     Args:
         size: [bytes] of its text.
-        kept: whether later processes find it compiled.
+        cached: whether later processes find it compiled.
     """
     seconds = size * _PER_BYTE
-    wanted = _Compiles.told or os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
-    if not wanted or not shows_waits() or seconds < _AFTER:
+    requested = _Compiles.announced or os.environ.get("JAXCOMP_WAITS", "").lower() in (
+        "on",
+        "1",
+        "yes",
+    )
+    if not requested or not shows_waits() or seconds < _AFTER:
         yield
         return
     machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
     text = f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s"
-    text += "; later starts are quicker" if kept else ""
+    if cached:
+        text += "; later starts are quicker"
     status = _Compiles.status
     if status is None:
         tell(text)
@@ -90,9 +97,12 @@ def _called() -> str:
         word = frame.f_code.co_name
         if file.startswith(_PACKAGE) and not any(place in file for place in _UNNAMED):
             inner = word.startswith(("_", "<")) or "<locals>" in frame.f_code.co_qualname
-            name = name if inner else word
+            if not inner:
+                name = word
         frame = frame.f_back
-    return _COMPUTES.get(name) or (f"the {name.replace('_', ' ')}" if name else "the results")
+    if not name:
+        return "the results"
+    return _COMPUTES.get(name, f"the {name.replace('_', ' ')}")
 
 
 def shows_waits() -> bool:
@@ -154,68 +164,79 @@ class Progress:
         self,
         text: str,
         total: int | None,
-        done: int,
+        finished: int,
         unit: str,
         bar=None,
-        told: float | None = None,
+        told_at: float | None = None,
     ):
         self._text = text
         self._total = total
         self._unit = unit
         self._bar = bar
         begun = time.monotonic()
-        self._told = begun if told is None else told
-        self._start = begun - compile_time.seconds, done
+        self._told_at = begun if told_at is None else told_at
+        self._start = (begun - compile_time.seconds, finished)
         self._first: tuple[float, int] | None = None
         self._last = self._start
         if bar is not None:
-            self._task = bar.add_task(text, total=total, completed=done, left="")
+            self._task = bar.add_task(text, total=total, completed=finished, left="")
 
-    def at(self, done: int, total: int | None = None, text: str = "", most: bool = False) -> None:
+    def at(
+        self, finished: int, total: int | None = None, text: str = "", is_limit: bool = False
+    ) -> None:
         """Show that so many are done, of so many; `text` says at what the work is.
 
         Args:
-            done: pieces so far; fewer than before where other work begins.
+            finished: pieces so far; fewer than before where other work begins.
             total: pieces in all, if that is known only now.
             text: what is worked on now.
-            most: whether there may be fewer pieces in all.
+            is_limit: whether there may be fewer pieces in all.
         """
-        self._total, self._text = total or self._total, text or self._text
-        now = time.monotonic()
-        here = now - compile_time.seconds, done
-        if done < self._last[1]:
+        self._total = total or self._total
+        self._text = text or self._text
+        instant = time.monotonic()
+        mark = (instant - compile_time.seconds, finished)
+        if finished < self._last[1]:
             self._start = (self._last[0], 0)
             self._first = None
         begun, before = self._first or self._start
-        if self._first is None and done > before:
-            self._first = here
-        self._last = here
-        left = ""
-        least = "at most " if most else ""
-        if self._total and done > before:
-            seconds = (self._total - done) * max(here[0] - begun, 0.0) / (done - before)
+        if self._first is None and finished > before:
+            self._first = mark
+        self._last = mark
+        remaining = ""
+        at_most = "at most " if is_limit else ""
+        if self._total and finished > before:
+            seconds = (self._total - finished) * max(mark[0] - begun, 0.0) / (finished - before)
             # what rounds to nothing is left out: after the first piece it may be compiling alone
-            left = f"{least}{_span(seconds)} left" if seconds >= 0.5 else ""
+            if seconds >= 0.5:
+                remaining = f"{at_most}{_span(seconds)} left"
         if self._bar is not None:
             self._bar.update(
-                self._task, completed=done, total=self._total, description=self._text, left=left
+                self._task,
+                completed=finished,
+                total=self._total,
+                description=self._text,
+                left=remaining,
             )
-        elif now - self._told > _EVERY and done != self._total and shows_waits():
-            self._told = now
-            of = f" of {least}{self._total:,}" if self._total else ""
-            tell(f"{self._text}: {done:,}{of} {self._unit}{', ' + left if left else ''}")
+        elif instant - self._told_at > _EVERY and finished != self._total and shows_waits():
+            self._told_at = instant
+            of = f" of {at_most}{self._total:,}" if self._total else ""
+            line = f"{self._text}: {finished:,}{of} {self._unit}"
+            if remaining:
+                line += f", {remaining}"
+            tell(line)
 
 
 @contextmanager
 def progress_of(
-    text: str, total: int | None = None, done: int = 0, unit: str = "", show: bool = True
+    text: str, total: int | None = None, finished: int = 0, unit: str = "", show: bool = True
 ) -> Iterator[Progress]:
     """Progress on standard error: a bar on a terminal, elsewhere a line every ten seconds.
 
     Args:
         text: what is worked on.
         total: pieces in all, if that is known.
-        done: pieces that were there before.
+        finished: pieces that were there before.
         unit: what the pieces are.
         show: whether to show anything.
     """
@@ -223,16 +244,16 @@ def progress_of(
 
     console = Console(stderr=True)
     if not show or not shows_waits():
-        yield Progress(text, total, done, unit, told=float("inf"))
+        yield Progress(text, total, finished, unit, told=float("inf"))
     elif not console.is_terminal:
-        yield Progress(text, total, done, unit)
+        yield Progress(text, total, finished, unit)
     else:
         from rich import progress as rich
 
         columns = ("{task.description}", rich.BarColumn(), rich.MofNCompleteColumn(),
                    unit, rich.TimeElapsedColumn(), "{task.fields[left]}")  # fmt: skip
         with rich.Progress(*(c for c in columns if c), console=console, transient=True) as bar:
-            yield Progress(text, total, done, unit, bar)
+            yield Progress(text, total, finished, unit, bar)
 
 
 def tell(text: str) -> None:
@@ -241,7 +262,7 @@ def tell(text: str) -> None:
 
 
 def _span(seconds: float) -> str:
-    whole = round(seconds)
-    if whole < 3600:
-        return f"{whole // 60}:{whole % 60:02d}"
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    total = round(seconds)
+    if total < 3600:
+        return f"{total // 60}:{total % 60:02d}"
+    return f"{total // 3600}:{total // 60 % 60:02d}:{total % 60:02d}"

@@ -9,6 +9,7 @@ physics stands.
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 from .errors import QuantityFailed
@@ -80,7 +81,8 @@ class Quantity(NamedTuple):
     @property
     def sections(self) -> tuple[str, ...]:
         """Sections of a scene that this quantity needs."""
-        return tuple(dict.fromkeys(s for one in self.needs for s in _RESULTS.get(one, (one,))))
+        sections = chain.from_iterable(_RESULTS.get(need, (need,)) for need in self.needs)
+        return tuple(dict.fromkeys(sections))
 
     def missing(self, machine: Any) -> str:
         """Parts that this quantity needs and a machine has not, in words; "" if none.
@@ -130,13 +132,17 @@ def _between_stages(machine: Any) -> list[str]:
 def _has_journals(compressor: Any) -> bool:
     """Whether a joint has an oil film that may give a position; the laws know which does."""
     friction = getattr(compressor, "friction", None)
-    laws = [] if friction is None else list(vars(friction).values())
-    laws += [one for law in laws for one in getattr(law, "bearings", ())]
+    if friction is None:
+        return False
+    laws = list(vars(friction).values())
+    for law in vars(friction).values():
+        laws += getattr(law, "bearings", ())
     return any(getattr(law, "kind", "") in ("film", "bearing") for law in laws)
 
 
 _CYCLE = ("orbit", "cycle")
 _VALVES = ("suction", "discharge")
+_STOPS = ("seat", "stop")
 _SIMPLE = ("orbit", "compressor", "simple_cycle")
 _KINDS_OF_SIMPLE = ("polytropic", "double_acting", "staged")
 _JOURNALS = ("orbit", "compressor", "journals")
@@ -261,7 +267,7 @@ _BUILT_IN = (
     Quantity("impact_speed.<contact>", "m/s", "less",
              "Highest speed at which a valve meets its seat or stop.",
              lambda r: r.orbit.cycle.impact_speeds, _CYCLE,
-             members=lambda machine: [f"{v}_{p}" for v in _VALVES for p in ("seat", "stop")]),
+             members=lambda machine: [f"{valve}_{end}" for valve, end in product(_VALVES, _STOPS)]),
     Quantity("closing_angle.<valve>", "rad", "",
              "Crank angle from the top dead centre at which a valve shuts for the last time.",
              lambda r: r.orbit.cycle.closing_angles, _CYCLE, members=lambda machine: [*_VALVES]),
@@ -293,7 +299,7 @@ HEADLINES = (
     "cop", "capacity", "electric_power", "overall_efficiency", "mechanical_efficiency", "motor_power",
     "least_film", "vibration",
 )  # fmt: skip
-_registered: dict[str, Quantity] = {one.name: one for one in _BUILT_IN}
+_registered: dict[str, Quantity] = {quantity.name: quantity for quantity in _BUILT_IN}
 
 # Design variables that change a machine as a whole, with what they keep; see `jaxcomp.design_rules`.
 DESIGN_RULES = {
@@ -321,27 +327,31 @@ def registered_quantity(name: str) -> Quantity | None:
     if name in _registered:
         return _registered[name]
     family, _, member = name.partition(".")
-    whole = next((one for one in registered() if member and one.family == family), None)
-    return None if whole is None else whole._replace(name=name, value=_Member(whole, member))
+    if not member:
+        return None
+    for quantity in registered():
+        if quantity.family == family:
+            return quantity._replace(name=name, value=_Member(quantity, member))
+    return None
 
 
 class _Member(NamedTuple):
     """One value of a family."""
 
-    whole: Quantity
+    quantity: Quantity
     member: str
 
     def __call__(self, result: Any) -> Any:
-        values = self.whole.value(result)
+        values = self.quantity.value(result)
         if self.member not in values:
             from .errors import BadInput
             from .words import one_of
 
-            raise BadInput(self.whole.family, self.member, one_of(self.member, values))
+            raise BadInput(self.quantity.family, self.member, one_of(self.member, values))
         return values[self.member]
 
 
-class _Own:
+class _ExternalFunction:
     """The function of a quantity that another package or a script registers.
 
     Args:
@@ -394,15 +404,17 @@ def _no_number(value: Any) -> str:
     kind = getattr(getattr(value, "dtype", None), "kind", "")
     if shape is None or kind not in "biuf":
         return f"a {type(value).__name__} comes back where a number is wanted"
-    return f"an array of shape {shape} comes back where a number is wanted" if shape else ""
+    if shape:
+        return f"an array of shape {shape} comes back where a number is wanted"
+    return ""
 
 
-def is_own(quantity: Quantity) -> bool:
+def is_external(quantity: Quantity) -> bool:
     """Whether another package or a script registered a quantity."""
-    return isinstance(quantity.value, _Own)
+    return isinstance(quantity.value, _ExternalFunction)
 
 
-_told: set[str] = set()
+_reported: set[str] = set()
 
 
 def offered_values(quantities: Iterable[Quantity], result: Any) -> dict[str, Any]:
@@ -415,21 +427,21 @@ def offered_values(quantities: Iterable[Quantity], result: Any) -> dict[str, Any
         result: of the design.
     """
     values = {}
-    for one in quantities:
+    for quantity in quantities:
         try:
-            values[one.name] = one.value(result)
+            values[quantity.name] = quantity.value(result)
         except Exception as error:
-            if not is_own(one):
+            if not is_external(quantity):
                 raise
-            _tell_left_out(one, error)
+            _tell_left_out(quantity, error)
     return values
 
 
 def _tell_left_out(quantity: Quantity, error: Exception) -> None:
     from .progress import tell
 
-    if quantity.name not in _told:
-        _told.add(quantity.name)
+    if quantity.name not in _reported:
+        _reported.add(quantity.name)
         why = error if isinstance(error, QuantityFailed) else f"Quantity '{quantity.name}': {error}"
         tell(f"{why} It is left out; `needs` of register_quantity says which machines have it.")
 
@@ -469,7 +481,7 @@ def register_quantity(
     """
     from .errors import BadInput
 
-    if any(one.name == name for one in _BUILT_IN):
+    if any(quantity.name == name for quantity in _BUILT_IN):
         raise BadInput("name", name, "another one: this quantity is built in")
     if not re.fullmatch(r"[A-Za-z]\w*(\.<\w+>)?", name):
         raise BadInput("name", name, "letters, digits and underscores, with .<joint> for a family")
@@ -488,6 +500,8 @@ def register_quantity(
             raise BadInput("needs", str(word), one_of(str(word), NEEDS))
     if name in _registered and "jax" in sys.modules:
         sys.modules["jax"].clear_caches()  # programs with what the name meant before
-    _registered[name] = Quantity(name, unit, better, doc, _Own(name, value), needs, percent)
-    _told.discard(name)
+    _registered[name] = Quantity(
+        name, unit, better, doc, _ExternalFunction(name, value), needs, percent
+    )
+    _reported.discard(name)
     return _registered[name]

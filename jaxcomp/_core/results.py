@@ -82,7 +82,9 @@ def reading(unit: str, *dims: str, doc: str = "", **options: Any) -> Any:
 def readings_of(result: Any) -> dict[str, Any]:
     """Values [SI] by name of the fields that a result declares by `reading`."""
     fields = dataclasses.fields(result)
-    return {one.name: getattr(result, one.name) for one in fields if "reading" in one.metadata}
+    return {
+        field.name: getattr(result, field.name) for field in fields if "reading" in field.metadata
+    }
 
 
 class Result:
@@ -113,25 +115,28 @@ class Result:
         Raises:
             BadInput: results of many designs at once, as `vmap` returns them.
         """
-        made: dict[str, np.ndarray] = {}
+        columns: dict[str, np.ndarray] = {}
         shape: dict[str, int] = {}
-        parts = [
-            one for one in self._checked() if one.dims and set(one.dims) <= set(self.table_dims)
-        ]
-        for one in parts:
-            if np.ndim(one.values) != len(one.dims):
+        parts = []
+        for data in self._checked():
+            # what has no dimension, or one that the table has not, stands in no column
+            if data.dims and set(data.dims) <= set(self.table_dims):
+                parts.append(data)
+        for data in parts:
+            if np.ndim(data.values) != len(data.dims):
                 raise BadInput("result", "of many designs", "of one; take them apart first")
-            shape |= dict(zip(one.dims, np.shape(one.values), strict=True))
+            shape |= dict(zip(data.dims, np.shape(data.values), strict=True))
         dims = [dim for dim in self.table_dims if dim in shape]
-        for one in parts:
-            there = [slice(None) if dim in one.dims else None for dim in dims]
-            whole = np.broadcast_to(np.asarray(one.values)[tuple(there)], [shape[d] for d in dims])
-            if np.iscomplexobj(whole):
-                made[with_unit(f"{one.name}.amplitude", one.unit)] = np.abs(whole).ravel()
-                made[f"{one.name}.phase [rad]"] = np.angle(whole).ravel()
+        for data in parts:
+            # a column that a dimension does not change is repeated along it
+            index = tuple(slice(None) if dim in data.dims else None for dim in dims)
+            array = np.broadcast_to(np.asarray(data.values)[index], [shape[dim] for dim in dims])
+            if np.iscomplexobj(array):
+                columns[with_unit(f"{data.name}.amplitude", data.unit)] = np.abs(array).ravel()
+                columns[f"{data.name}.phase [rad]"] = np.angle(array).ravel()
             else:
-                made[one.header] = whole.ravel()
-        return made
+                columns[data.header] = array.ravel()
+        return columns
 
     def to_dict(self) -> dict[str, Any]:
         """All quantities by name and SI unit, as numbers and lists, with how the solution ended.
@@ -139,15 +144,15 @@ class Result:
         Complex amplitudes have two entries, amplitude and phase [rad]. What is not finite is `None`, as
         JSON has no word for it.
         """
-        made: dict[str, Any] = {"kind": type(self).__name__, **self._words()}
-        for one in self._checked():
-            values = np.asarray(one.values)
+        numbers: dict[str, Any] = {"kind": type(self).__name__, **self._words()}
+        for data in self._checked():
+            values = np.asarray(data.values)
             if np.iscomplexobj(values):
-                made[with_unit(f"{one.name}.amplitude", one.unit)] = _finite(np.abs(values))
-                made[f"{one.name}.phase [rad]"] = _finite(np.angle(values))
+                numbers[with_unit(f"{data.name}.amplitude", data.unit)] = _finite(np.abs(values))
+                numbers[f"{data.name}.phase [rad]"] = _finite(np.angle(values))
             else:
-                made[one.header] = _finite(values)
-        return made
+                numbers[data.header] = _finite(values)
+        return numbers
 
     def nested(self) -> dict[str, Any]:
         """Numbers [SI] and words by name, nested where they belong together.
@@ -159,9 +164,10 @@ class Result:
     @classmethod
     def units_of_nested(cls) -> Table:
         """The unit of every number of `nested`."""
-        fields = dataclasses.fields(cls)  # pyright: ignore[reportArgumentType]
-        declared = {one.name: one.metadata.get("reading") for one in fields}
-        units = {name: reading[0] for name, reading in declared.items() if reading}
+        units = {}
+        for field in dataclasses.fields(cls):  # pyright: ignore[reportArgumentType]
+            if "reading" in field.metadata:
+                units[field.name] = field.metadata["reading"][0]
         return merged(units, units_table(cls.nested_units))
 
     def to_json(self) -> str:
@@ -181,16 +187,19 @@ class Result:
 
         variables = {}
         coordinates = set()
-        for one in self._checked():
-            values = np.asarray(one.values)
-            batch = [f"design_{n}" for n in range(values.ndim - len(one.dims))]
-            dims = tuple(f"{d}_number" if batch and d == one.name else d for d in one.dims)
-            about = {"units": one.unit, "long_name": one.doc or one.name.replace("_", " ")}
-            variables[one.name] = ((*batch, *dims), values, about)
-            if one.dims == (one.name,) and not batch:
-                coordinates.add(one.name)
-        made = xarray.Dataset(variables, attrs={"kind": type(self).__name__, **self._words()})
-        return made.set_coords(coordinates)
+        for data in self._checked():
+            values = np.asarray(data.values)
+            batch = [f"design_{n}" for n in range(values.ndim - len(data.dims))]
+            dims = list(data.dims)
+            if batch and data.name in dims:
+                # of many designs it is no coordinate, which has its own dimension alone
+                dims[dims.index(data.name)] = f"{data.name}_number"
+            about = {"units": data.unit, "long_name": data.doc or data.name.replace("_", " ")}
+            variables[data.name] = ((*batch, *dims), values, about)
+            if data.dims == (data.name,) and not batch:
+                coordinates.add(data.name)
+        dataset = xarray.Dataset(variables, attrs={"kind": type(self).__name__, **self._words()})
+        return dataset.set_coords(coordinates)
 
     def to_csv(self, path: str | Path) -> None:
         """Write `columns` with their units in the header; numbers keep all their digits."""
@@ -205,13 +214,13 @@ class Result:
         """
         arrays: list[np.ndarray] = []
         head = {"format": _FORMAT, "version": version(_PACKAGE), "result": to_json(self, arrays)}
-        kept = {f"array_{n}": values for n, values in enumerate(arrays)}
+        members = {f"array_{n}": values for n, values in enumerate(arrays)}
         size = sum(values.nbytes for values in arrays)
         if size > _LARGEST:
             bound = f"of at most {_LARGEST / 1e9:.3g} GB; save parts of it"
             raise BadInput("result", f"{size / 1e9:.3g} GB", bound)
         content = io.BytesIO()
-        np.savez_compressed(content, head=np.array(json.dumps(head)), **kept)  # pyright: ignore
+        np.savez_compressed(content, head=np.array(json.dumps(head)), **members)  # pyright: ignore
         write_whole(path, content.getvalue())
 
     @property
@@ -237,7 +246,7 @@ class Result:
     def _checked(self) -> list[Data]:
         if any(is_traced(leaf) for leaf in jax.tree.leaves(self)):
             raise BadInput("result", "inside jit, vmap or grad", "taken outside of them")
-        return [one._replace(values=jax.device_get(one.values)) for one in self.described()]
+        return [data._replace(values=jax.device_get(data.values)) for data in self.described()]
 
     def _words(self) -> dict[str, str]:
         """Words on how the solution ended, and by which solver, where the result knows."""
@@ -247,30 +256,30 @@ class Result:
             words["status"] = status
         elif isinstance(status, eqx.Enumeration) or type(status).__name__ == "EnumerationItem":
             converged = np.asarray(status == Status.converged)
-            words["status"] = (
-                Status[status] or "converged"
-                if not converged.ndim
-                else f"{converged.sum()} of {converged.size} designs converged"
-            )
+            if converged.ndim:
+                words["status"] = f"{converged.sum()} of {converged.size} designs converged"
+            else:
+                words["status"] = Status[status] or "converged"
         for name in ("solver", "method"):
             if isinstance(getattr(self, name, None), str):
                 words[name] = getattr(self, name)
         return words
 
     def _title(self) -> str:
-        words = ", ".join(self._words().values())
-        return f"{type(self).__name__}: {words}" if words else type(self).__name__
+        return ": ".join(filter(None, (type(self).__name__, ", ".join(self._words().values()))))
 
     def _rows(self) -> Iterator[tuple[str, str]]:
-        for one in self._checked():
-            values = np.asarray(one.values)
+        for data in self._checked():
+            values = np.asarray(data.values)
             shape = f" ({', '.join(map(str, values.shape))})" if values.ndim else ""
             if values.dtype.kind not in "fc":
                 text = ", ".join(dict.fromkeys(map(str, values.ravel())))
-                yield _sentence(one.name), (text if len(text) < 60 else text[:57] + "...") + shape
+                if len(text) >= 60:
+                    text = f"{text[:57]}..."
+                yield _sentence(data.name), text + shape
                 continue
             size = np.abs(values) if np.iscomplexobj(values) else values
-            look = shown(one.name, one.unit, size)
+            look = shown(data.name, data.unit, size)
             good = size[np.isfinite(size)]
             if not good.size:
                 yield look.words, "not known" + shape
@@ -295,30 +304,33 @@ class Plots:
     def _functions(self) -> dict[str, tuple[Any, str]]:
         """Functions by name, each with the parameter that takes the result."""
         plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
-        found = {}
+        functions = {}
         kind = type(self._result)
         for name, function in {**vars(plot), **vars(plot.interface)}.items():
             if inspect.isfunction(function):
                 for parameter in inspect.signature(function).parameters.values():
                     if kind in (parameter.annotation, *get_args(parameter.annotation)):
-                        found[name] = function, parameter.name
-        return found
+                        functions[name] = function, parameter.name
+        return functions
 
     def __getattr__(self, name: str) -> Any:
-        known = self._functions()
-        if name not in known:
+        functions = self._functions()
+        if name not in functions:
             raise AttributeError(
-                f"{type(self._result).__name__}.plot has no `{name}`{hint(name, known)}; "
-                f"it has {', '.join(sorted(known))}"
+                f"{type(self._result).__name__}.plot has no `{name}`{hint(name, functions)}; "
+                f"it has {', '.join(sorted(functions))}"
             )
-        function, place = known[name]
-        others = [p for p in inspect.signature(function).parameters if p != place]
+        function, place = functions[name]
+        parameters = [p for p in inspect.signature(function).parameters if p != place]
 
-        def draw(*given, **options):
-            # a machine or a scene stands for its compressor
-            given = [one.as_compressor() if hasattr(one, "as_compressor") else one for one in given]
-            named = dict(zip(others, given, strict=False))
-            return function(**{place: self._result}, **named, **options)
+        def draw(*positional, **options):
+            named = {place: self._result}
+            for parameter, argument in zip(parameters, positional, strict=False):
+                # a machine or a scene stands for its compressor
+                if hasattr(argument, "as_compressor"):
+                    argument = argument.as_compressor()
+                named[parameter] = argument
+            return function(**named, **options)
 
         draw.__doc__ = function.__doc__
         draw.__name__ = name
@@ -347,21 +359,21 @@ def load_result(path: str | Path) -> Any:
                 raise ValueError
             arrays = {name: file[name] for name in file.files if name != "head"}
         written = str(head["version"])
-        kept = head["result"]
+        content = head["result"]
     except BadInput:
         raise
     except Exception:  # whatever numpy, zipfile and json make of damaged bytes
         raise BadInput("path", str(path), "a file that `save` of a result wrote") from None
     try:
-        found = from_json(kept, arrays)
-        if not isinstance(found, Result):
-            raise UnknownClass(f"{type(found).__name__} is no result")
+        result = from_json(content, arrays)
+        if not isinstance(result, Result):
+            raise UnknownClass(f"{type(result).__name__} is no result")
     except UnknownClass as error:
-        made = f"{path} of jaxcomp {written}, which this version cannot read ({error})"
-        raise BadInput("path", made, f"written by jaxcomp {version(_PACKAGE)}") from None
+        problem = f"{path} of jaxcomp {written}, which this version cannot read ({error})"
+        raise BadInput("path", problem, f"written by jaxcomp {version(_PACKAGE)}") from None
     except Exception:  # any other structure than `save` writes
         raise BadInput("path", f"{path}, which is damaged", "as `save` wrote it") from None
-    return found
+    return result
 
 
 def _check_size(path: Path) -> None:
@@ -371,12 +383,12 @@ def _check_size(path: Path) -> None:
         BadInput: it would.
     """
     with zipfile.ZipFile(path) as archive:
-        sizes = {one.filename: one.file_size for one in archive.infolist()}
-    head = sizes.get("head.npy", 0)
-    whole = sum(sizes.values())
-    if head > _LARGEST_HEAD or whole > _LARGEST:
-        size = f"{path}, which unpacks to {whole / 1e9:.3g} GB"
-        raise BadInput("path", size, f"a result of at most {_LARGEST / 1e9:.3g} GB")
+        sizes = {member.filename: member.file_size for member in archive.infolist()}
+    head_size = sizes.get("head.npy", 0)
+    size = sum(sizes.values())
+    if head_size > _LARGEST_HEAD or size > _LARGEST:
+        problem = f"{path}, which unpacks to {size / 1e9:.3g} GB"
+        raise BadInput("path", problem, f"a result of at most {_LARGEST / 1e9:.3g} GB")
 
 
 def _finite(values: np.ndarray) -> Any:

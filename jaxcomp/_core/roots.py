@@ -77,13 +77,13 @@ def _only_of_solved_jvp(primals, tangents):
 
 def zeros_of(function: Callable[..., Any], *arguments) -> Any:
     """Zeros in the shapes of what a function returns, which is traced and not computed."""
-    shapes = eqx.filter_eval_shape(function, *arguments)
-    return jax.tree.map(
-        lambda leaf: (
-            jnp.zeros(leaf.shape, leaf.dtype) if isinstance(leaf, jax.ShapeDtypeStruct) else leaf
-        ),
-        shapes,
-    )
+
+    def zero(leaf):
+        if isinstance(leaf, jax.ShapeDtypeStruct):
+            return jnp.zeros(leaf.shape, leaf.dtype)
+        return leaf
+
+    return jax.tree.map(zero, eqx.filter_eval_shape(function, *arguments))
 
 
 class AbstractRoot(eqx.Module):
@@ -116,21 +116,23 @@ def root(equations: AbstractRoot):
 def _root_jvp(primals, tangents):
     # By `root` again and not by `solve`: derivatives of the next order take this rule as well.
     unknowns = root(*primals)
-    residual, moved = eqx.filter_jvp(
+    residual, residual_tangent = eqx.filter_jvp(
         lambda equations: equations.residual(unknowns), primals, tangents
     )
+
+    def zero_if_absent(tangent, like):
+        return jnp.zeros_like(like) if tangent is None else tangent
+
     # Equations that no tangent moves have `None`, where `newton_correction` wants a zero.
-    moved = jax.tree.map(
-        lambda m, x: jnp.zeros_like(x) if m is None else m, moved, residual, is_leaf=_absent
-    )
-    return unknowns, primals[0].newton_correction(unknowns, moved)
+    residual_tangent = jax.tree.map(zero_if_absent, residual_tangent, residual, is_leaf=_absent)
+    return unknowns, primals[0].newton_correction(unknowns, residual_tangent)
 
 
 def _absent(leaf) -> bool:
     return leaf is None
 
 
-def _given(leaf) -> bool:
+def _present(leaf) -> bool:
     return leaf is not None
 
 
@@ -173,40 +175,45 @@ def _fixed_point_jvp(primals, tangents):
     problem, parameters = primals
     value, data = fixed_point(problem, parameters)
     fixed = jax.lax.stop_gradient(data)
-    moving, rest = eqx.partition(parameters, jax.tree.map(_given, tangents[1], is_leaf=_absent))
+    varied, constant = eqx.partition(
+        parameters, jax.tree.map(_present, tangents[1], is_leaf=_absent)
+    )
 
-    def step(moving, value):
-        return problem.step(eqx.combine(moving, rest), fixed, value)
+    def step(varied, value):
+        return problem.step(eqx.combine(varied, constant), fixed, value)
 
     # Traced once; how the step follows the parameters, and how the unknowns, are two readings of it.
-    _, linear = jax.linearize(step, moving, value)
-    still = jax.tree.map(jnp.zeros_like, (moving, value))
-    _, moved = jax.jvp(lambda moving: linear(moving, still[1]), still[:1], tangents[1:])
-    _, across = jax.linearize(lambda value: linear(still[0], value), still[1])
+    _, linear = jax.linearize(step, varied, value)
+    zeros = jax.tree.map(jnp.zeros_like, (varied, value))
+    _, right_side = jax.jvp(lambda varied: linear(varied, zeros[1]), zeros[:1], tangents[1:])
+    _, of_unknowns = jax.linearize(lambda value: linear(zeros[0], value), zeros[1])
     # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
     # right side to depend on the tangents, so a zero that does is added to all.
-    nothing = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(tangents[1]) if leaf.size)
+    zero = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(tangents[1]) if leaf.size)
 
-    def given(tangent, unknown):
+    def depending(tangent, unknown):
         if unknown is None:  # a machine without it
             return None
         if tangent is None or not tangent.size:
-            return jnp.full_like(unknown, nothing)
-        return tangent + nothing
+            return jnp.full_like(unknown, zero)
+        return tangent + zero
 
-    moved = jax.tree.map(given, moved, value, is_leaf=_absent)
+    right_side = jax.tree.map(depending, right_side, value, is_leaf=_absent)
     solve = _neumann(problem.tolerance, problem.max_iterations)
     # The transposed map contracts at the same rate, so that the same iteration solves it.
-    value_moved = jax.lax.custom_linear_solve(
-        lambda v: jax.tree.map(jnp.subtract, v, across(v)), moved, solve, transpose_solve=solve
+    value_tangent = jax.lax.custom_linear_solve(
+        lambda v: jax.tree.map(jnp.subtract, v, of_unknowns(v)),
+        right_side,
+        solve,
+        transpose_solve=solve,
     )
-    return (value, data), (value_moved, jax.tree.map(lambda _: None, data))
+    return (value, data), (value_tangent, jax.tree.map(lambda _: None, data))
 
 
 def settle(
     step: Callable[[Y, Any], tuple[Y, Any]],
     start: Y,
-    beside: Any,
+    start_data: Any,
     tolerance: float | Float[Array, ""],
     max_iterations: int,
     rounding: float | Float[Array, ""] = 0.0,
@@ -217,7 +224,7 @@ def settle(
         step: maps the unknowns, arrays of order one, and the data of the iteration before to better
             ones and new data.
         start: first guess.
-        beside: data of the first guess.
+        start_data: data of the first guess.
         tolerance: largest change of any entry at which to stop.
         max_iterations: iterations after which to give up.
         rounding: change that rounding alone may leave beside what it leaves of an ordinary problem.
@@ -227,18 +234,26 @@ def settle(
         return _goes_on(carry[2], max_iterations)
 
     def advance(carry):
-        value, data, last, share, lowest, waited = carry
+        value, data, previous, share, lowest, waited = carry
         new, data = step(value, data)
         change = _distance(new, value)
         # An iteration that runs away (NaN included) is not taken: what is reported stays finite.
         lost = ~(change < _RUNAWAY)
-        share = _share(share, change > _JUMPING * last.change)
+        # One that changes more than the one before jumps to and fro: half of it comes closer.
+        share = _share(share, change > _JUMPING * previous.change)
         new = jax.tree.map(lambda a, b: jnp.where(lost, b, b + share * (a - b)), new, value)
         change = jnp.where(lost, 2 * _RUNAWAY, change)
         settled, lowest, waited = _ended(change, lowest, waited, tolerance, rounding)
-        return new, data, FixedPointReport(last.steps + 1, change, settled), share, lowest, waited
+        return (
+            new,
+            data,
+            FixedPointReport(previous.steps + 1, change, settled),
+            share,
+            lowest,
+            waited,
+        )
 
-    begin = (start, beside, _begun(), jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
+    begin = (start, start_data, _begun(), jnp.asarray(1.0), jnp.asarray(_RUNAWAY), jnp.asarray(0))
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 
@@ -254,7 +269,7 @@ def _raveled(tree) -> Float[Array, " n"]:
 def mix(
     step: Callable[[Y, Any], tuple[Y, Any]],
     start: Y,
-    beside: Any,
+    start_data: Any,
     tolerance: float | Float[Array, ""],
     max_iterations: int,
     sampled: Callable[[Y], Float[Array, " n"]] = _raveled,
@@ -271,7 +286,7 @@ def mix(
         step: maps the unknowns, arrays of order one, and the data of the iteration before to better
             ones and new data.
         start: first guess.
-        beside: data of the first guess.
+        start_data: data of the first guess.
         tolerance: largest change by a step at which to stop.
         max_iterations: iterations after which to give up.
         sampled: n numbers of the unknowns, in which changes are measured.
@@ -288,10 +303,11 @@ def mix(
         return _goes_on(carry[2], max_iterations)
 
     def advance(carry):
-        value, data, last, lowest, waited, changes, outputs = carry
+        value, data, previous, lowest, waited, changes, outputs = carry
         new, data = step(value, data)
         change = sampled(new) - sampled(value)
         size = _largest(change)
+        # lost as in `settle`: a NaN in the columns of changes would spoil every later combination
         lost = ~(size < _RUNAWAY)
         new = jax.tree.map(lambda after, before: jnp.where(lost, before, after), new, value)
         size = jnp.where(lost, 2 * _RUNAWAY, size)
@@ -300,14 +316,14 @@ def mix(
             lambda old, leaf: jnp.roll(old, 1, axis=0).at[0].set(leaf), outputs, new
         )
         settled, lowest, waited = _ended(size, lowest, waited, tolerance)
-        weights = _weights(changes, last.steps + 1)
+        weights = _weights(changes, previous.steps + 1)
         mixed = combined(weights, outputs, new)
         # the last step is taken as it is: the data belong to it
         value = jax.tree.map(lambda a, b: jnp.where(settled | lost, a, b), new, mixed)
-        report = FixedPointReport(last.steps + 1, size, settled)
+        report = FixedPointReport(previous.steps + 1, size, settled)
         return value, data, report, lowest, waited, changes, outputs
 
-    begin = start, beside, _begun(), jnp.asarray(_RUNAWAY), jnp.asarray(0), changes, outputs
+    begin = start, start_data, _begun(), jnp.asarray(_RUNAWAY), jnp.asarray(0), changes, outputs
     value, data, report, *_ = jax.lax.while_loop(going_on, advance, begin)
     return value, data, report
 
@@ -319,8 +335,8 @@ def _weights(changes: Float[Array, "depth n"], steps: Int[Array, ""]) -> Float[A
         changes: by the last steps, the newest first.
         steps: how many there have been; changes before the first are not looked at.
     """
-    known = (jnp.arange(1, _DEPTH) < steps)[:, None]
-    bends = jnp.where(known, changes[0] - changes[1:], 0.0)
+    exists = (jnp.arange(1, _DEPTH) < steps)[:, None]
+    bends = jnp.where(exists, changes[0] - changes[1:], 0.0)
     squares = jnp.sum(bends**2, axis=1)
     usable = squares > 0
     # all of length one, so that the small last ones count as the large first ones do
@@ -367,13 +383,13 @@ def _neumann(tolerance, max_iterations):
             return (change > tolerance * size) & (steps < max_iterations)
 
         def advance(carry):
-            value, last, share, steps = carry
-            rest = jax.tree.map(jnp.subtract, right_side, matvec(value))
-            change = _largest(rest)
+            value, previous, share, steps = carry
+            residual = jax.tree.map(jnp.subtract, right_side, matvec(value))
+            change = _largest(residual)
             # as above: where the iterations do not contract, the derivative is finite but means nothing
             lost = ~(change < _RUNAWAY * size)
-            share = _share(share, change > _JUMPING * last)
-            new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + share * r), value, rest)
+            share = _share(share, change > _JUMPING * previous)
+            new = jax.tree.map(lambda v, r: jnp.where(lost, v, v + share * r), value, residual)
             # A change of zero ends the loop.
             return new, jnp.where(lost, 0.0, change), share, steps + 1
 
@@ -383,10 +399,10 @@ def _neumann(tolerance, max_iterations):
     return solve
 
 
-def _share(last: Float[Array, ""], jumps: Bool[Array, ""]) -> Float[Array, ""]:
+def _share(share: Float[Array, ""], jumps: Bool[Array, ""]) -> Float[Array, ""]:
     """The share of the next step that is taken."""
-    smaller = jnp.maximum(0.5 * last, _SMALLEST_SHARE)
-    return jnp.where(jumps, smaller, jnp.minimum(_REGROWTH * last, 1.0))
+    smaller = jnp.maximum(0.5 * share, _SMALLEST_SHARE)
+    return jnp.where(jumps, smaller, jnp.minimum(_REGROWTH * share, 1.0))
 
 
 def _distance(a, b) -> Float[Array, ""]:

@@ -22,17 +22,14 @@ from .status import Status
 _PACKAGE = __name__.partition(".")[0]
 # Packages that files of former versions name, and where their classes are now.
 _MOVED = {
-    f"{_PACKAGE}.{before}": f"{_PACKAGE}.{now}"
-    for before, now in {
-        "design": "study",
-        "sweeping": "study.sweep",
-        "tolerancing": "study.tolerance",
-        "work_precision": "study.accuracy",
-        "rating": "study.rating",
-        "shaking": "vibration",
-        "coupling": "vibration",
-        "running": "vibration",
-    }.items()
+    "design": "study",
+    "sweeping": "study.sweep",
+    "tolerancing": "study.tolerance",
+    "work_precision": "study.accuracy",
+    "rating": "study.rating",
+    "shaking": "vibration",
+    "coupling": "vibration",
+    "running": "vibration",
 }
 
 
@@ -53,59 +50,66 @@ def to_json(value: Any, arrays: list[np.ndarray]) -> Any:
     if type(value).__name__ == "EnumerationItem":
         return {"status": to_json(value._value, arrays)}
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
-        return {"tuple": [to_json(one, arrays) for one in value]}
+        return {"tuple": [to_json(entry, arrays) for entry in value]}
     if isinstance(value, list):
-        return {"list": [to_json(one, arrays) for one in value]}
+        return {"list": [to_json(entry, arrays) for entry in value]}
     if isinstance(value, dict):
         return {"dict": [[to_json(k, arrays), to_json(v, arrays)] for k, v in value.items()]}
-    names = _field_names(type(value))
-    if not names:
+    if not _field_names(type(value)):
         raise BadInput(
             "result", type(value).__name__, "of arrays and parts of jaxcomp, to be saved"
         )
-    left_out = getattr(value, "not_saved", ())
-    fields = {
-        name: None if name in left_out else to_json(getattr(value, name), arrays)
-        for name in names
-        if hasattr(value, name)
-    }
-    return {"class": class_address(type(value)), "fields": fields}
+    return {"class": class_address(type(value)), "fields": _fields_to_json(value, arrays)}
 
 
-def from_json(kept: Any, arrays: dict[str, np.ndarray]) -> Any:
-    if not isinstance(kept, dict):
-        return kept
-    if "class" in kept:
-        return _object(class_at(kept["class"]), kept["fields"], arrays)
-    ((kind, content),) = kept.items()
-    if kind in ("jax", "numpy"):
-        return jnp.asarray(arrays[content]) if kind == "jax" else arrays[content]
+def _fields_to_json(value: Any, arrays: list[np.ndarray]) -> dict[str, Any]:
+    """Fields of an object as JSON; `None` for those that its class does not save."""
+    fields = {}
+    for name in _field_names(type(value)):
+        if name in getattr(value, "not_saved", ()):
+            fields[name] = None
+        elif hasattr(value, name):
+            fields[name] = to_json(getattr(value, name), arrays)
+    return fields
+
+
+def from_json(document: Any, arrays: dict[str, np.ndarray]) -> Any:
+    if not isinstance(document, dict):
+        return document
+    if "class" in document:
+        return _object(class_at(document["class"]), document["fields"], arrays)
+    ((kind, content),) = document.items()
+    if kind == "numpy":
+        return arrays[content]
+    if kind == "jax":
+        return jnp.asarray(arrays[content])
     if kind == "status":
         value = from_json(content, arrays)
         if np.asarray(value).dtype.kind not in "iu" or np.any((value < 0) | (value >= len(Status))):
             raise ValueError(content)
         return eqx.tree_at(lambda s: s._value, Status.converged, value)
-    if kind in ("tuple", "list"):
-        made = [from_json(one, arrays) for one in content]
-        return tuple(made) if kind == "tuple" else made
+    if kind == "list":
+        return [from_json(entry, arrays) for entry in content]
+    if kind == "tuple":
+        return tuple(from_json(entry, arrays) for entry in content)
     if kind == "dict":
         return {from_json(k, arrays): from_json(v, arrays) for k, v in content}
     raise UnknownClass(kind)
 
 
-def _object(made_of: type, fields: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
+def _object(kind: type, fields: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
     values = {name: from_json(value, arrays) for name, value in fields.items()}
-    known = _field_names(made_of)
-    for name in {*values} ^ {*known}:
-        if name in values or not hasattr(made_of, name):
-            raise UnknownClass(f"{made_of.__name__}.{name}")
-    if issubclass(made_of, tuple):
-        return made_of(**values)
+    names = _field_names(kind)
+    for name in {*values} ^ {*names}:
+        if name in values or not hasattr(kind, name):
+            raise UnknownClass(f"{kind.__name__}.{name}")
+    if issubclass(kind, tuple):
+        return kind(**values)
     # unchecked, as the fields come from an object that was checked
-    made = object.__new__(made_of)
+    new = object.__new__(kind)
     for name, value in values.items():
-        object.__setattr__(made, name, value)
-    return made
+        object.__setattr__(new, name, value)
+    return new
 
 
 def _field_names(kind: type) -> list[str]:
@@ -115,15 +119,14 @@ def _field_names(kind: type) -> list[str]:
     return list(getattr(kind, "_fields", ()))
 
 
-def class_address(thing: Any) -> str:
+def class_address(kind: Any) -> str:
     """Name of a class in the package that offers it: a file outlives the modules of a package."""
-    module = _public(thing.__module__)
-    name = thing.__qualname__
+    module = _public(kind.__module__)
+    name = kind.__qualname__
     package = ".".join(module.split(".")[:2])
-    offers = (
-        module.startswith(f"{_PACKAGE}.") and getattr(sys.modules[package], name, None) is thing
-    )
-    return f"{package if offers else module}:{name}"
+    if module.startswith(f"{_PACKAGE}.") and getattr(sys.modules[package], name, None) is kind:
+        module = package
+    return f"{module}:{name}"
 
 
 def _public(module: str) -> str:
@@ -140,7 +143,10 @@ def class_at(address: str) -> type:
         UnknownClass: no such class; what else a module has is not looked at.
     """
     module, _, name = address.partition(":")
-    module = _MOVED.get(_public(module), _public(module))
+    package, _, former = _public(module).partition(".")
+    module = _public(module)
+    if package == _PACKAGE and former in _MOVED:
+        module = f"{_PACKAGE}.{_MOVED[former]}"
     if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
         for place in _modules(module):
             kind = vars(place).get(name)
@@ -149,6 +155,7 @@ def class_at(address: str) -> type:
     else:
         import_extensions()
         for kind in _below(Part):
+            # a private module of this package has the address of its package
             if class_address(kind) == address and not kind.__module__.startswith(f"{_PACKAGE}."):
                 return kind
     raise UnknownClass(address)
@@ -161,13 +168,13 @@ def _modules(name: str) -> Iterator[ModuleType]:
     except ImportError:
         raise UnknownClass(name) from None
     yield package
-    for one in pkgutil.iter_modules(getattr(package, "__path__", ())):
-        other = name == _PACKAGE and one.ispkg and one.name != "_core"
-        if not other and one.name != "__main__":
-            yield from _modules(f"{name}.{one.name}")
+    for module in pkgutil.iter_modules(getattr(package, "__path__", ())):
+        other = name == _PACKAGE and module.ispkg and module.name != "_core"
+        if not other and module.name != "__main__":
+            yield from _modules(f"{name}.{module.name}")
 
 
 def _below(kind: type) -> Iterator[type]:
-    for one in kind.__subclasses__():
-        yield one
-        yield from _below(one)
+    for subclass in kind.__subclasses__():
+        yield subclass
+        yield from _below(subclass)

@@ -114,13 +114,14 @@ class SolveFailed(RuntimeError):
     def __init__(self, status, details: str = "", result=None):
         self.status = status
         self.result = result
-        meaning = Status[status] + (f" ({details})" if details else "")
-        single = single_precision()
-        # it is the likelier cause, and stands in front of what a status advises
-        super().__init__(f"{single}; {meaning}." if single else f"{meaning}.")
+        meaning = Status[status]
+        if details:
+            meaning += f" ({details})"
+        # single precision is the likelier cause, and stands in front of what a status advises
+        super().__init__("; ".join(filter(None, (single_precision(), f"{meaning}."))))
 
 
-def raise_at_run_time(status, failed, told: Callable[..., str], *numbers) -> None:
+def raise_at_run_time(status, failed, details: Callable[..., str], *numbers) -> None:
     """Let a traced program end with an error where a solution has failed.
 
     Nothing of the result passes through the check, so that what nobody asks for is not computed for it.
@@ -128,7 +129,7 @@ def raise_at_run_time(status, failed, told: Callable[..., str], *numbers) -> Non
     Args:
         status: the outcome, a `Status`.
         failed: whether it is none to go on with; traced, and in a batch for each.
-        told: what else is known, in words, of the numbers.
+        details: what else is known, in words, of the numbers.
         numbers: traced.
     """
 
@@ -137,6 +138,6 @@ def raise_at_run_time(status, failed, told: Callable[..., str], *numbers) -> Non
             return
         worst = np.asarray(np.max(value), np.int32)
         outcome = eqx.tree_at(lambda s: s._value, Status.converged, worst)
-        raise SolveFailed(outcome, told(*numbers))
+        raise SolveFailed(outcome, details(*numbers))
 
     jax.debug.callback(check, status._value, failed, *numbers)

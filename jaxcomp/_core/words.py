@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Collection, Iterable
 
 # What designers also say, the key that holds it, and how the two are related.
-_ALSO_SAID = {
+_SYNONYMS = {
     "stroke": ("crank_radius", "half the stroke"),
     "rpm": ("mean_speed", 'e.g. "1450 rpm"'),
     "diameter": ("bore", "of the cylinder"),
@@ -25,69 +25,79 @@ AMBIGUOUS = {
 _FEW = 8  # names that a message lists beside the one that is near
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, choices: Iterable[str]) -> str | None:
     """The most similar of some words, `None` if none is similar.
 
     Without regard to case: "COP" is "cop". The first words of a dotted name stand for it if only one name
     begins so: "impact_speed" for "impact_speed.<contact>".
     """
-    names = {name.lower(): name for name in sorted(known, reverse=True)}
+    names = {name.lower(): name for name in sorted(choices, reverse=True)}
     lowered = word.lower()
     if lowered in names:
         return names[lowered]
     members = [name for name in names if name.startswith(f"{lowered}.")]
     if len(members) == 1:
         return names[members[0]]
-    similar = difflib.get_close_matches(lowered, sorted(names), n=1, cutoff=0.6)
-    return names[similar[0]] if similar else None
+    for similar in difflib.get_close_matches(lowered, sorted(names), n=1, cutoff=0.6):
+        return names[similar]
+    return None
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, choices: Iterable[str]) -> str:
     """`; did you mean "..."?` if something similar is known, and what is known otherwise.
 
     Args:
         word: the unknown one.
-        known: those that would be understood.
+        choices: those that would be understood.
     """
-    known = sorted(known)
-    near = _meant(word, known)
-    key, relation = _also_said(word, known)
+    choices = sorted(choices)
+    near = _meant(word, choices)
+    key, relation = _synonym(word, choices)
     # another word for the same thing is nearer than one that looks alike
-    if key and (near is None or word in _ALSO_SAID):
+    if key and (near is None or word in _SYNONYMS):
         return f'; did you mean "{key}", {relation}?'
     if near is not None:
         return f"; did you mean {near}?"
-    return f"; known here: {', '.join(known)}" if known else ""
+    if choices:
+        return f"; known here: {', '.join(choices)}"
+    return ""
 
 
-def hint(word: object, known: Iterable[object]) -> str:
+def hint(word: object, choices: Iterable[object]) -> str:
     """` (did you mean "..."?)` if something similar is known."""
-    names = [str(name) for name in known]
+    names = [str(name) for name in choices]
     near = _meant(str(word), names)
     if near is not None:
         return f" (did you mean {near}?)"
-    key, relation = _also_said(str(word), names)
-    return f' (did you mean "{key}", {relation}?)' if key else ""
+    key, relation = _synonym(str(word), names)
+    if key:
+        return f' (did you mean "{key}", {relation}?)'
+    return ""
 
 
-def _also_said(word: str, known: Collection[str]) -> tuple[str, str]:
+def _synonym(word: str, choices: Collection[str]) -> tuple[str, str]:
     """The known word for what designers also say, and how they are related; empty if there is none.
 
     A slip in what is also said is seen through: "ocvrik" is "ocvirk".
     """
-    said = nearest(word, [name for name, (key, _) in _ALSO_SAID.items() if key in known])
-    return ("", "") if said is None else _ALSO_SAID[said]
+    synonym = nearest(word, [name for name, (key, _) in _SYNONYMS.items() if key in choices])
+    if synonym is None:
+        return "", ""
+    return _SYNONYMS[synonym]
 
 
-def _meant(word: str, known: Collection[str]) -> str | None:
+def _meant(word: str, choices: Collection[str]) -> str | None:
     """The nearest word in quotes, or both readings of an ambiguous one; `None` if none is near."""
-    ambiguous = [
-        one for one, readings in AMBIGUOUS.items() if not readings.keys().isdisjoint(known)
-    ]
-    near = nearest(word, [*known, *ambiguous])
+    ambiguous = []
+    for doubtful, readings in AMBIGUOUS.items():
+        if not readings.keys().isdisjoint(choices):
+            ambiguous.append(doubtful)
+    near = nearest(word, [*choices, *ambiguous])
+    if near is None:
+        return None
     if near in ambiguous:
-        return ", or ".join(f'"{name}", {what}' for name, what in AMBIGUOUS[near].items())
-    return None if near is None else f'"{near}"'
+        return ", or ".join(f'"{name}", {sense}' for name, sense in AMBIGUOUS[near].items())
+    return f'"{near}"'
 
 
 # Names that people look for in the package, and what there is instead.
@@ -117,22 +127,24 @@ _ELSEWHERE = {
 }
 
 
-def elsewhere(name: str, known: Iterable[str]) -> str:
+def elsewhere(name: str, names: Iterable[str]) -> str:
     """Advice for a name that a module does not have; "" if nothing is near.
 
     Args:
         name: that was asked for.
-        known: names that the module has.
+        names: names that the module has.
     """
-    if name in _ELSEWHERE and name not in known:
+    if name in _ELSEWHERE and name not in names:
         return f"; use {_ELSEWHERE[name]}"
-    return hint(name, known)
+    return hint(name, names)
 
 
-def one_of(word: object, known: Iterable[object]) -> str:
+def one_of(word: object, choices: Iterable[object]) -> str:
     """`one of ...` as the bound of a `BadInput`, with the nearest word where one is near."""
-    known = [str(name) for name in known]
-    near = hint(word, known)
-    few = known[:_FEW] if near else known  # the near one is what is wanted
-    more = f", and {len(known) - len(few)} more" if len(few) < len(known) else ""
-    return f"one of {', '.join(few)}{more}{near}"
+    choices = [str(name) for name in choices]
+    near = hint(word, choices)
+    listed = ", ".join(choices)
+    # beside the near one, which is likely what is meant, the others need not all be there
+    if near and len(choices) > _FEW:
+        listed = f"{', '.join(choices[:_FEW])}, and {len(choices) - _FEW} more"
+    return f"one of {listed}{near}"

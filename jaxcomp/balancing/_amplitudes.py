@@ -97,15 +97,15 @@ def amplitude_influence(
         )
     # The unbalance that one plane holds alone is seen alike at all readings, so that the right sides
     # leave least; with one reading all leave nothing, and what fits best comes first.
-    first, *others = sorted(systems, key=_rank)
-    return dataclasses.replace(first, alternatives=tuple(others))
+    best, *alternatives = sorted(systems, key=_rank)
+    return dataclasses.replace(best, alternatives=tuple(alternatives))
 
 
 def _rank(system: Influence) -> tuple[float, float]:
     """Vibration that a system leaves, to a millionth, and its misfit."""
-    left = round(float(least_squares(system).improvement), 6)
+    improvement = round(float(least_squares(system).improvement), 6)
     misfit = np.zeros(1) if system.misfit is None else np.asarray(system.misfit)
-    return left, float(np.linalg.norm(misfit / np.abs(system.initial)))
+    return improvement, float(np.linalg.norm(misfit / np.abs(system.initial)))
 
 
 def balance_each(
@@ -167,14 +167,14 @@ def _solutions(amplitudes: np.ndarray, weights: np.ndarray) -> list[_Fit]:
     scale = np.sqrt(np.mean(read**2))
     fits_within = max(_REPEATED_WITHIN * scale, 2 * misfit.min())
     fits: list[_Fit] = []
-    chosen: list[np.ndarray] = []
+    distinct: list[np.ndarray] = []
     for place in np.argsort(misfit, kind="stable"):
         end = ends[place]
         if misfit[place] > fits_within:
             break
         size = np.linalg.norm(end)
-        if all(np.linalg.norm(end - other) > _SAME * size for other in chosen):
-            chosen.append(end)
+        if all(np.linalg.norm(end - other) > _SAME * size for other in distinct):
+            distinct.append(end)
             fits.append(_Fit(end * initial / unit, float(misfit[place]) * initial))
     return fits
 

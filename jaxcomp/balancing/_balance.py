@@ -31,10 +31,10 @@ def balance(
     `failure` is what the method says of its end, converged if absent; `weights` are what the
     corrections consist of.
     """
+    if failure is None:
+        failure = Status.converged
     finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
-    status = Status.where(
-        finite, Status.converged if failure is None else failure, Status.bad_input
-    )
+    status = Status.where(finite, failure, Status.bad_input)
     correction = jnp.where(finite, correction, jnp.nan)
     return Balance(influence, correction, objective, bound, method, status, scale, weights=weights)
 
@@ -120,29 +120,38 @@ class Balance(Result, eqx.Module):
         """Planes with their corrections, and rows with the vibration before and after."""
         part = self.influence
         value = np.asarray(self.correction)
-        left = np.asarray(self.residual)
+        residual = np.asarray(self.residual)
         size = np.abs(value)
         before = np.asarray(part.initial)
-        by_mass = part.trial == "kg"
-        radius = np.full(size.shape, np.nan) if part.radius is None else np.asarray(part.radius)
+        unknown = np.full(size.shape, np.nan)
+        radius = unknown if part.radius is None else np.asarray(part.radius)
+        # what is added in a plane is a mass at one radius, or mass times radius
+        if part.trial == "kg":
+            unbalance = unknown
+            mass = size
+        else:
+            unbalance = size
+            mass = size / radius
         sensitivity = np.asarray(self.sensitivity()).tolist()
         return {
-            **{"method": self.method, "vibration_unit": part.unit, "correction_unit": part.trial},
+            "method": self.method,
+            "vibration_unit": part.unit,
+            "correction_unit": part.trial,
             "planes": records(
                 name=part.planes,
                 correction=size,
-                unbalance=np.full(size.shape, np.nan) if by_mass else size,
+                unbalance=unbalance,
                 phase=np.angle(value),
                 radius=radius,
-                mass=size if by_mass else size / radius,
+                mass=mass,
             ),
             "rows": records(
                 **dict(zip(InfluenceRow._fields, zip(*part.rows, strict=True), strict=True)),
                 weight=part.weight,
                 before=np.abs(before),
                 before_phase=np.angle(before),
-                after=np.abs(left),
-                after_phase=np.angle(left),
+                after=np.abs(residual),
+                after_phase=np.angle(residual),
                 sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
             ),
             "worse": np.sum(self.worse),
@@ -173,30 +182,28 @@ class Balance(Result, eqx.Module):
         influence = self.influence
         if influence.misfit is None:
             return {}
-        beside: dict[str, Any] = {"misfit": self.misfit}
-        beside["alternatives"] = [
-            {
-                "planes": records(
-                    name=influence.planes,
-                    correction=np.abs(other.correction),
-                    phase=np.angle(other.correction),
-                ),
-                "improvement": other.improvement,
-            }
-            for other in self.alternatives
-        ]
+        alternatives = []
+        for other in self.alternatives:
+            planes = records(
+                name=influence.planes,
+                correction=np.abs(other.correction),
+                phase=np.angle(other.correction),
+            )
+            alternatives.append({"planes": planes, "improvement": other.improvement})
+        numbers: dict[str, Any] = {"misfit": self.misfit, "alternatives": alternatives}
+        # as large as the trial weights were, or as what the balance adds
         sizes = self.correction if influence.trials is None else influence.trials.weight
         trial = further_trial(influence, float(np.median(np.abs(sizes))))
         if trial is not None:
             row = influence.rows[trial.row]
-            beside["further_trial"] = {
+            numbers["further_trial"] = {
                 "plane": trial.plane,
                 "trial": abs(trial.weight),
                 "phase": np.angle(trial.weight),
                 **row._asdict(),
                 "expected": list(trial.amplitudes),
             }
-        return beside
+        return numbers
 
     @property
     def verdict(self) -> str:
@@ -205,12 +212,14 @@ class Balance(Result, eqx.Module):
         after = np.abs(self.residual)
         if not np.any(after > before):
             return "No reading gets worse."
-        most = self.influence.rows[place := int(np.argmax(after - before))]
+        place = int(np.argmax(after - before))
+        worst = self.influence.rows[place]
         unit, factor = vibration_unit(self.influence.unit)
-        ends = (rounded(float(one[place]) * factor, 3) for one in (before, after))
+        low = rounded(float(before[place]) * factor, 3)
+        high = rounded(float(after[place]) * factor, 3)
         return (
-            f"{np.sum(after > before)} of {after.size} readings get worse; most of all {most.target} "
-            f"{most.axis} at {most.speed * RPM:.5g} rpm, from {' to '.join(ends)} {unit}."
+            f"{np.sum(after > before)} of {after.size} readings get worse; most of all {worst.target} "
+            f"{worst.axis} at {worst.speed * RPM:.5g} rpm, from {low} to {high} {unit}."
         )
 
     @property
@@ -227,7 +236,8 @@ class Balance(Result, eqx.Module):
     def gap(self) -> Float[Array, ""]:
         """[-] How far above its bound the objective lies, relative to `scale`."""
         scale = self.scale
-        scale = jnp.linalg.norm(self.influence.weighted[1]) if scale is None else scale
+        if scale is None:
+            scale = jnp.linalg.norm(self.influence.weighted[1])
         return _share(self.objective - self.bound, scale)
 
     @property
@@ -271,6 +281,6 @@ class Balance(Result, eqx.Module):
         return jnp.abs(self.influence.matrix) * size
 
 
-def _share(part, whole) -> Float[Array, ""]:
+def _share(part, total) -> Float[Array, ""]:
     """[-] Of a whole that may be zero, as the part is then."""
-    return part / (whole + (whole == 0))
+    return part / (total + (total == 0))

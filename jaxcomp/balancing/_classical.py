@@ -75,7 +75,8 @@ def rigid_balance(
     Raises:
         BadInput: both planes at one place.
     """
-    first, second = (jnp.asarray(places[p], float) for p in planes)
+    first = jnp.asarray(places[planes[0]], float)
+    second = jnp.asarray(places[planes[1]], float)
     if planes[0] == planes[1]:
         raise BadInput("planes", str(planes), "two different nodes")
     total = jnp.zeros((), complex)
@@ -115,7 +116,7 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
     pins = crank.pins
     crankshaft = machine.compressor.crankshaft
     rings = Unbalances(pins, 0.0, 0.0)
-    values = jnp.broadcast_to(moment, (len(pins),)), crankshaft.throw_angle
+    values = (jnp.broadcast_to(moment, (len(pins),)), crankshaft.throw_angle)
     return eqx.tree_at(lambda u: (u.magnitude, u.phase), rings, values)
 
 
@@ -146,24 +147,33 @@ def classical_balance(
     names = subset_names(model)
     if "rotor" not in names:
         raise BadInput("rotor", str(names), "a model with a shaft that spins")
-    own = set(subsets(model)[names.index("rotor")])
-    z = {node: float(place[2]) for node, place in node_positions(model).items() if node in own}
-    parts = [
-        # A cone counts at its middle too: only shares of the permissible unbalance hang on the centre.
-        ((z[a] + z[b]) / 2, mass)
-        for shaft in model.shafts
-        for (a, b), mass in zip(shaft.pairs, shaft_mass(shaft), strict=True)
-        if a in own
-    ]
+    rotor_nodes = set(subsets(model)[names.index("rotor")])
+    positions = node_positions(model)
+    z = {node: float(positions[node][2]) for node in positions.keys() & rotor_nodes}
+    mass = 0.0
+    moment = 0.0
+    for shaft in model.shafts:
+        for (a, b), element in zip(shaft.pairs, shaft_mass(shaft), strict=True):
+            if a in rotor_nodes:
+                # A cone counts at its middle too: only shares of the permissible unbalance hang on
+                # the centre.
+                mass = mass + element
+                moment = moment + element * (z[a] + z[b]) / 2
     for table in (*model.disks, *model.masses):
-        rows = zip(table.nodes, table.mass, strict=True)
-        parts += [(z[node], mass) for node, mass in rows if node in own]
-    mass = sum(m for _, m in parts)
-    moment = sum(m * place for place, m in parts)
-    first, second = (plane.node for plane in places.planes)
-    tables = unbalances if ring is None else (*unbalances, ring)
-    options = {"centre": moment / mass, "mass": mass, "speed": speed, "grade": grade}
-    return rigid_balance(tables, z, (first, second), **options)
+        for node, element in zip(table.nodes, table.mass, strict=True):
+            if node in rotor_nodes:
+                mass = mass + element
+                moment = moment + element * z[node]
+    first, second = places.planes
+    return rigid_balance(
+        unbalances if ring is None else (*unbalances, ring),
+        z,
+        (first.node, second.node),
+        centre=moment / mass,
+        mass=mass,
+        speed=speed,
+        grade=grade,
+    )
 
 
 def balance_rotor_alone(
@@ -189,12 +199,17 @@ def balance_rotor_alone(
     Raises:
         BadInput: a part that is missing, or as `classical_balance`.
     """
-    made = assembly_of(machine)
-    if made.rotor is None or made.loads is None or made.balancing is None:
+    assembly = assembly_of(machine)
+    if assembly.rotor is None or assembly.loads is None or assembly.balancing is None:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
-    speed = max(row.speed for row in influence.rows) if speed is None else speed
-    ring = rod_ring(made) if crank and "inertia" not in left_out else None
-    parts = made.rotor, made.loads.unbalances, made.balancing
-    alone = classical_balance(*parts, speed=speed, ring=ring)
+    if speed is None:
+        speed = max(row.speed for row in influence.rows)
+    ring = None
+    # without the inertia of the crank there is no rod for which a ring could stand
+    if crank and "inertia" not in left_out:
+        ring = rod_ring(assembly)
+    alone = classical_balance(
+        assembly.rotor, assembly.loads.unbalances, assembly.balancing, speed=speed, ring=ring
+    )
     name = "rotor alone" if ring is None else "rotor with a ring for the rod"
     return predicted(influence, alone.correction, f"{name}, two planes")

@@ -37,49 +37,46 @@ def discrete(
     """
     matrix, initial, stocks = _concrete(influence, options)
     # The plane of the largest influence first: its choices differ most, so that bounds bite early.
-    order = np.argsort(
-        [
-            -np.linalg.norm(matrix[:, p]) * np.ptp(np.abs(s)) if s.size > 1 else 0.0
-            for p, s in enumerate(stocks)
-        ]
-    )
+    spread = np.array([np.ptp(np.abs(stock)) for stock in stocks])
+    order = np.argsort(-np.linalg.norm(matrix, axis=0) * spread)
     # What the planes still to come can take off: projectors onto the complements of their columns.
-    rest_basis = [np.linalg.qr(matrix[:, order[k:]])[0] for k in range(1, len(order))]
-    rest_basis.append(np.zeros((matrix.shape[0], 0)))
+    later_basis = [np.linalg.qr(matrix[:, order[k:]])[0] for k in range(1, len(order))]
+    later_basis.append(np.zeros((matrix.shape[0], 0)))
     best, lowest = _greedy(matrix, initial, stocks)
-    seen, unseen_bound = 0, np.inf
+    nodes = 0
+    unseen_bound = np.inf
     waiting = [(0.0, initial, ())]
     while waiting:
-        below, rest, chosen = waiting.pop()
+        below, vibration, choices = waiting.pop()
         if below >= lowest:
             continue
-        if seen >= most:
+        if nodes >= most:
             unseen_bound = min(unseen_bound, below)
             continue
-        level = len(chosen)
+        level = len(choices)
         plane = order[level]
-        rests = rest[:, None] + matrix[:, plane, None] * stocks[plane]
+        vibrations = vibration[:, None] + matrix[:, plane, None] * stocks[plane]
         # By Pythagoras what the planes to come cannot reach stays; rounding may make it negative.
-        basis = rest_basis[level]
-        inside = basis.conj().T @ rests
+        basis = later_basis[level]
+        inside = basis.conj().T @ vibrations
         bounds = np.sqrt(
-            np.maximum(np.sum(np.abs(rests) ** 2, 0) - np.sum(np.abs(inside) ** 2, 0), 0)
+            np.maximum(np.sum(np.abs(vibrations) ** 2, 0) - np.sum(np.abs(inside) ** 2, 0), 0)
         )
-        seen += stocks[plane].size
+        nodes += stocks[plane].size
         if level + 1 == len(order):
             at = int(np.argmin(bounds))
             if bounds[at] < lowest:
                 lowest = float(bounds[at])
                 best = np.zeros(len(order), complex)
-                for p, i in zip(order, (*chosen, at), strict=True):
+                for p, i in zip(order, (*choices, at), strict=True):
                     best[p] = stocks[p][i]
             continue
         # The most promising branch ends up on top of the stack.
         for i in np.argsort(-bounds):
             if bounds[i] < lowest:
-                waiting.append((float(bounds[i]), rests[:, i], (*chosen, int(i))))
-    bound = min(lowest, unseen_bound)
-    lowest, bound = jnp.asarray(lowest), jnp.asarray(bound)
+                waiting.append((float(bounds[i]), vibrations[:, i], (*choices, int(i))))
+    bound = jnp.asarray(min(lowest, unseen_bound))
+    lowest = jnp.asarray(lowest)
     failure = Status.where(bound < lowest, Status.not_converged, Status.converged)
     return balance(influence, jnp.asarray(best), lowest, bound, "discrete", failure)
 
@@ -107,8 +104,8 @@ def _greedy(matrix, initial, stocks):
     lowest = np.inf
     while True:
         for p, stock in enumerate(stocks):
-            rest = initial + matrix @ picked - matrix[:, p] * picked[p]
-            sizes = np.linalg.norm(rest[:, None] + matrix[:, p, None] * stock, axis=0)
+            by_others = initial + matrix @ picked - matrix[:, p] * picked[p]
+            sizes = np.linalg.norm(by_others[:, None] + matrix[:, p, None] * stock, axis=0)
             picked[p] = stock[np.argmin(sizes)]
         size = float(np.linalg.norm(initial + matrix @ picked))
         if size >= lowest:
@@ -166,17 +163,17 @@ def split(
     from scipy.optimize import lsq_linear, nnls
 
     arms = radius * np.stack([np.cos(at), np.sin(at)])
-    wanted = np.array([complex(correction).real, complex(correction).imag])
+    target = np.array([complex(correction).real, complex(correction).imag])
     # In units of the one mass that would do in a hole at the right angle.
     scale = max(abs(complex(correction)) / radius, 1e-300)
     # A trace of the mass itself makes the answer the lightest one.
     light = 1e-7 * radius
     system = np.vstack([arms, light * np.ones(at.size)])
-    right = np.append(wanted / scale, 0.0)
+    right = np.append(target / scale, 0.0)
     if np.isinf(largest):
         masses = nnls(system, right)[0]
     else:
         masses = lsq_linear(system, right, (0.0, largest / scale), tol=1e-14).x
     masses = np.where(masses < 1e-9, 0.0, masses) * scale
-    left = wanted - arms @ masses
-    return Split(masses, complex(left[0], left[1]))
+    error = target - arms @ masses
+    return Split(masses, complex(error[0], error[1]))

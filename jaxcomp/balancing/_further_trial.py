@@ -40,15 +40,12 @@ def further_trial(influence: Influence, size: float) -> FurtherTrial | None:
     for number, plane in enumerate(influence.planes):
         for angle in angles:
             weight = size * complex(np.exp(1j * angle))
-            expected = np.stack(
-                [np.abs(np.asarray(s.initial) + s.matrix[:, number] * weight) for s in systems]
-            )
+            vibrations = [system.initial + system.matrix[:, number] * weight for system in systems]
+            expected = np.abs(np.stack(vibrations))
             share = expected / np.abs(np.asarray(influence.initial))
             # The two systems that are hardest to tell apart decide, at the reading that tells them best.
-            spread = min(
-                np.max(np.abs(share[i] - share[j]))
-                for i, j in itertools.combinations(range(len(systems)), 2)
-            )
+            pairs = itertools.combinations(share, 2)
+            spread = min(np.max(np.abs(first - second)) for first, second in pairs)
             if spread > widest * (1 + 1e-9):
                 row = int(np.argmax(np.ptp(share, axis=0)))
                 widest = spread

@@ -144,18 +144,24 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
         places: correction planes and targets.
         speeds: [rad/s] (speeds,), each with a row for every axis of every target.
     """
-    rows = [(target.name, axis) for target in places.targets for axis in target.axes]
-    weights = [t.weight for t in places.targets for _ in t.axes]
-    radii = [np.nan if p.radius is None else p.radius for p in places.planes]
+    axes = []
+    weights = []
+    for target in places.targets:
+        axes += [(target.name, axis) for axis in target.axes]
+        weights += [target.weight] * len(target.axes)
+    radii = [np.nan if plane.radius is None else plane.radius for plane in places.planes]
     matrix, initial, weight, radius = _columns(answer, weights, radii, speeds.size)
     # Labels are static, and a traced speed has no number to name its rows by.
     labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)
+    rows = []
+    for speed in labels.tolist():
+        rows += [InfluenceRow(target, axis, float(speed)) for target, axis in axes]
     return Influence(
         matrix,
         initial,
         weight,
-        tuple(InfluenceRow(*row, float(speed)) for speed in labels for row in rows),
-        tuple(p.name for p in places.planes),
+        tuple(rows),
+        tuple(plane.name for plane in places.planes),
         radius=radius,
     )
 
@@ -184,7 +190,9 @@ def flexibility(model, loads, places, speed) -> Complex[Array, "rows columns"]:
                 along = along - nodal_load(model, target.relative_to, axis).real
             outputs.append(along)
     # One kg m at angle zero: the complex correction scales and turns it.
-    cases = [loads, *((Unbalances((p.node,), [1.0], [0.0]),) for p in places.planes)]
+    cases = [loads]
+    for plane in places.planes:
+        cases.append((Unbalances((plane.node,), [1.0], [0.0]),))
     inputs = jnp.stack([load_vector(model, case, 1, speed) for case in cases])
     return receptance(model, inputs, jnp.stack(outputs), speed, speed)
 
@@ -238,7 +246,8 @@ def trial_influence(
     state = initial
     for trial, stays in zip(trials, kept, strict=True):
         before.append(state)
-        state = trial if stays else state
+        if stays:
+            state = trial
     matrix = ((trials - jnp.stack(before)) / masses[:, None]).T
     return Influence(matrix, initial, weight, tuple(rows), tuple(planes))
 
@@ -290,8 +299,10 @@ def with_weights(influence: Influence, weights: Mapping[str, complex]) -> Influe
         if name not in influence.planes:
             raise BadInput(f"weights.{name}", name, one_of(name, influence.planes))
     vector = jnp.asarray([complex(weights.get(name, 0.0)) for name in influence.planes])
-    others = tuple(with_weights(other, weights) for other in influence.alternatives)
-    return dataclasses.replace(influence, initial=influence.vibration(vector), alternatives=others)
+    alternatives = tuple(with_weights(other, weights) for other in influence.alternatives)
+    return dataclasses.replace(
+        influence, initial=influence.vibration(vector), alternatives=alternatives
+    )
 
 
 def select(
@@ -314,34 +325,40 @@ def select(
     """
     if planes is None and targets is None and not weights:
         return influence
-    there = {row.target for row in influence.rows}
-    for field, names, known in (
+    all_targets = {row.target for row in influence.rows}
+    for field, names, choices in (
         ("planes", planes, influence.planes),
-        ("targets", targets, there),
-        ("weights", weights, there),
+        ("targets", targets, all_targets),
+        ("weights", weights, all_targets),
     ):
         for name in names or ():
-            if name not in known:
-                raise BadInput(field, name, one_of(name, sorted(known)))
-    columns = [i for i, name in enumerate(influence.planes) if planes is None or name in planes]
-    kept = [i for i, row in enumerate(influence.rows) if targets is None or row.target in targets]
-    for name, value in (weights or {}).items():
+            if name not in choices:
+                raise BadInput(field, name, one_of(name, sorted(choices)))
+    weights = weights or {}
+    for name, value in weights.items():
         if not value >= 0:
             raise BadInput(f"weights.{name}", value, ">= 0")
-    times = np.array([(weights or {}).get(row.target, 1.0) for row in influence.rows])
-    numbers = (influence.matrix, influence.initial, influence.weight, times, influence.radius)
-    *taken, radius = _taken(*numbers, np.array(kept, int), np.array(columns, int))
+    chosen_planes = influence.planes if planes is None else planes
+    chosen_targets = all_targets if targets is None else targets
+    columns = [i for i, name in enumerate(influence.planes) if name in chosen_planes]
+    row_numbers = [i for i, row in enumerate(influence.rows) if row.target in chosen_targets]
+    times = np.array([weights.get(row.target, 1.0) for row in influence.rows])
+    originals = (influence.matrix, influence.initial, influence.weight, times, influence.radius)
+    *arrays, radius = _selected(*originals, np.array(row_numbers, int), np.array(columns, int))
+    misfit = influence.misfit
+    if misfit is not None:
+        misfit = misfit[np.array(row_numbers, int)]
     choice = {"planes": planes, "targets": targets, "weights": weights}
     return Influence(
-        *taken,
-        tuple(influence.rows[i] for i in kept),
-        tuple(influence.planes[i] for i in columns),
-        influence.unit,
-        influence.trial,
-        radius,
-        influence.trials,
-        None if influence.misfit is None else influence.misfit[np.array(kept, int)],
-        tuple(select(other, **choice) for other in influence.alternatives),
+        *arrays,
+        rows=tuple(influence.rows[i] for i in row_numbers),
+        planes=tuple(influence.planes[i] for i in columns),
+        unit=influence.unit,
+        trial=influence.trial,
+        radius=radius,
+        trials=influence.trials,
+        misfit=misfit,
+        alternatives=tuple(select(other, **choice) for other in influence.alternatives),
     )
 
 
@@ -371,24 +388,25 @@ def machine_influence(
     Raises:
         BadInput: a part that is missing.
     """
-    made = assembly_of(machine)
-    places = made.balancing
-    if made.rotor is None or made.loads is None or places is None or not places.planes:
+    assembly = assembly_of(machine)
+    places = assembly.balancing
+    if assembly.rotor is None or assembly.loads is None or places is None or not places.planes:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
     speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
-    answer = _answers(made, places, speeds, solver, crank, left_out)
+    answer = _answers(assembly, places, speeds, solver, crank, left_out)
     return influence_of(answer, places, speeds)
 
 
 @kept_jit
-def _answers(made, places, speeds, solver, crank, left_out):
-    at = lambda w: crank_loads(made, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
-    return flexibilities(made, jax.vmap(at)(speeds), places, speeds)
+def _answers(assembly, places, speeds, solver, crank, left_out):
+    at = lambda w: crank_loads(assembly, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
+    return flexibilities(assembly, jax.vmap(at)(speeds), places, speeds)
 
 
 @eqx.filter_jit
-def _taken(matrix, initial, weight, times, radius, rows, columns):
-    radius = None if radius is None else radius[columns]
+def _selected(matrix, initial, weight, times, radius, rows, columns):
+    if radius is not None:
+        radius = radius[columns]
     return matrix[rows][:, columns], initial[rows], (weight * times)[rows], radius
 
 
@@ -403,5 +421,5 @@ def flexibilities(
         places: correction planes and targets.
         speeds: [rad/s]
     """
-    at = lambda one, w: flexibility(*running_rotor(machine, one), places, w)  # noqa: E731
+    at = lambda load, w: flexibility(*running_rotor(machine, load), places, w)  # noqa: E731
     return jax.vmap(at)(loads, speeds).reshape(-1, 1 + len(places.planes))

@@ -46,12 +46,12 @@ def least_squares(
 @eqx.filter_jit  # one program instead of thirty
 def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
     matrix, initial = influence.weighted
-    left, values, right = jnp.linalg.svd(matrix, full_matrices=False)
-    kept = values > cut * values[0]
+    left_vectors, values, right_vectors = jnp.linalg.svd(matrix, full_matrices=False)
+    counted = values > cut * values[0]
     # Double where: a value that is left out may be zero, and must not be divided by in derivatives.
-    safe = jnp.where(kept, values, 1.0)
-    share = jnp.where(kept, safe / (safe**2 + (tikhonov * values[0]) ** 2), 0.0)
-    correction = -right.conj().T @ (share * (left.conj().T @ initial))
+    safe = jnp.where(counted, values, 1.0)
+    share = jnp.where(counted, safe / (safe**2 + (tikhonov * values[0]) ** 2), 0.0)
+    correction = -right_vectors.conj().T @ (share * (left_vectors.conj().T @ initial))
     return _exact(influence, correction, "least squares")
 
 
@@ -65,8 +65,9 @@ def predicted(
         correction: [kg m] (planes,)
         method: name of the result.
     """
-    given = jnp.asarray(correction, complex)
-    return balance(influence, given, influence.size(given), least_squares(influence).bound, method)
+    correction = jnp.asarray(correction, complex)
+    bound = least_squares(influence).bound
+    return balance(influence, correction, influence.size(correction), bound, method)
 
 
 def bounded(
@@ -146,8 +147,8 @@ def bounds_of(influence: Influence, largest: Any) -> Any:
     for name in largest:
         if name not in influence.planes:
             raise BadInput(f"largest.{name}", name, one_of(name, influence.planes))
-    most = jnp.max(jnp.abs(least_squares(influence).correction))
-    free = 1e3 * (sum(largest.values()) + most)
+    largest_correction = jnp.max(jnp.abs(least_squares(influence).correction))
+    free = 1e3 * (sum(largest.values()) + largest_correction)
     return jnp.stack([jnp.asarray(largest.get(name, free)) for name in influence.planes])
 
 
@@ -156,16 +157,16 @@ class _Discs(NamedTuple):
 
     Attributes:
         a, b: real, for the real parts of x with the imaginary ones below them.
-        rest: squares that no x can remove.
+        unreachable: squares that no x can remove.
     """
 
     a: Float[Array, "r r"]
     b: Float[Array, " r"]
-    rest: Float[Array, ""]
+    unreachable: Float[Array, ""]
 
     def squares(self, x):
         """The sum of squares."""
-        return jnp.sum((self.a @ x + self.b) ** 2) + self.rest
+        return jnp.sum((self.a @ x + self.b) ** 2) + self.unreachable
 
     def bound(self, multiplier):
         """The minimum of the Lagrangian over all x, which no x within the discs gets below."""
@@ -180,18 +181,19 @@ class _Discs(NamedTuple):
         # The factor mu of the source, 10.
         target = 0.1 * jnp.mean(multiplier * room)
         steep = jnp.sqrt(multiplier / room)
-        rows = (jnp.diag(steep * half) for half in x.reshape(2, -1))
-        rows = [self.a, jnp.diag(jnp.sqrt(jnp.tile(multiplier, 2))), jnp.hstack([*rows])]
+        real, imaginary = x.reshape(2, -1)
+        radial = jnp.hstack([jnp.diag(steep * real), jnp.diag(steep * imaginary)])
+        rows = [self.a, jnp.diag(jnp.sqrt(jnp.tile(multiplier, 2))), radial]
         # Rows whose normal equations are the Newton step with the change of multipliers eliminated.
         right = [-(self.a @ x + self.b), jnp.zeros(x.size), -target / jnp.sqrt(multiplier * room)]
         step = _solved(jnp.vstack(rows), jnp.concatenate(right))
         change = (target + multiplier * _dots(x, step)) / room - multiplier
         # The shares of the step at which a plane reaches its bound, or a multiplier zero.
         along = _dots(x, step)
-        across = _dots(step, step)
+        step_squared = _dots(step, step)
         # The root of |x + s dx| = 1 with the surd below, because a plane that does not move divides
         # by zero in the usual form.
-        ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * across * room) + 1e-300)
+        ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * step_squared * room) + 1e-300)
         ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))
         # Short of the bound, where the next step divides by room and multipliers.
         share = jnp.minimum(1.0, 0.99 * jnp.min(ends))
@@ -203,8 +205,8 @@ def _discs(matrix: Complex[Array, "rows planes"], initial: Complex[Array, " rows
     # Orthogonal, so that it changes no sum of squares but by the part that no x reaches.
     q, a = jnp.linalg.qr(jnp.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]]))
     b = jnp.append(initial.real, initial.imag)
-    rest = jnp.sum((b - q @ (q.T @ b)) ** 2)
-    return _Discs(a, q.T @ b, rest)
+    unreachable = jnp.sum((b - q @ (q.T @ b)) ** 2)
+    return _Discs(a, q.T @ b, unreachable)
 
 
 def _dots(x, y) -> Float[Array, " planes"]:
@@ -232,7 +234,7 @@ def quadratic(influence: Influence) -> Callable[[Array], Array]:
 
     def objective(correction):
         matrix, initial = influence.weighted
-        rest = initial + matrix @ correction
-        return jnp.sum(rest.real**2 + rest.imag**2)
+        vibration = initial + matrix @ correction
+        return jnp.sum(vibration.real**2 + vibration.imag**2)
 
     return jax.jit(objective)

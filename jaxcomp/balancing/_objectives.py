@@ -44,8 +44,8 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     def solve(share):
         root = jnp.sqrt(share)
         solution = jnp.linalg.lstsq(root[:, None] * matrix, -root * initial / scale, rcond=1e-13)[0]
-        rest = jnp.abs(matrix @ solution + initial / scale)
-        return solution, rest, jnp.sqrt(jnp.sum(share * rest**2))
+        sizes = jnp.abs(matrix @ solution + initial / scale)
+        return solution, sizes, jnp.sqrt(jnp.sum(share * sizes**2))
 
     def going_on(carry):
         _, _, highest, lowest, steps = carry
@@ -54,17 +54,17 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
 
     def advance(carry):
         share, best, highest, lowest, steps = carry
-        solution, rest, below = solve(share)
-        top = jnp.max(rest)
+        solution, sizes, below = solve(share)
+        top = jnp.max(sizes)
         best = jnp.where(top < highest, solution, best)
         # A row that ever gets no weight never gets any again: a trace of it stays.
-        grown = jnp.maximum(share * rest, 1e-14 * top / rows)
+        grown = jnp.maximum(share * sizes, 1e-14 * top / rows)
         grown = grown / jnp.sum(grown)
         return grown, best, jnp.minimum(highest, top), jnp.maximum(lowest, below), steps + 1
 
     even = jnp.full(rows, 1.0 / rows)
-    nothing = jnp.zeros(matrix.shape[1], complex)
-    start = (even, nothing, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
+    zero = jnp.zeros(matrix.shape[1], complex)
+    start = (even, zero, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
     _, best, highest, lowest, steps = lax.while_loop(going_on, advance, start)
     failure = Status.where(
         # By the gap alone: the last step that was allowed may have closed it.
@@ -72,8 +72,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
         Status.not_converged,
         Status.converged,
     )
-    found = (best * scale, highest * scale, lowest * scale)
-    return balance(influence, *found, "min-max", failure)
+    return balance(influence, best * scale, highest * scale, lowest * scale, "min-max", failure)
 
 
 # Tangents of every circle to begin with, whose corners stand out by 2 % of the radius, and how far
@@ -121,7 +120,8 @@ def least_masses(
     circles, size = _circles(influence, limits, bounds)
     weight = costs * size
     unit = weight.max()
-    angles, count = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS, len(circles.a)
+    angles = 2 * np.pi * np.arange(_TANGENTS) / _TANGENTS
+    count = len(circles.a)
     cuts, right = circles.tangents(np.repeat(np.arange(count), _TANGENTS), np.tile(angles, count))
     # Costs of one size, because the tolerances of the solver are absolute.
     objective = np.concatenate([np.zeros(2 * planes), weight / unit])
@@ -133,15 +133,15 @@ def least_masses(
         if solved.x is None:
             _refuse(influence, limits, bounds)
         x = solved.x[:planes] + 1j * solved.x[planes : 2 * planes]
-        value, radius = (
-            circles.a @ x + circles.b,
-            circles.fixed + circles.t @ solved.x[2 * planes :],
-        )
+        value = circles.a @ x + circles.b
+        radius = circles.fixed + circles.t @ solved.x[2 * planes :]
         outside = np.flatnonzero(np.abs(value) > radius + _OUTSIDE)
         if not outside.size or step == _STEPS:
             break
-        more = circles.tangents(outside, np.angle(value[outside]))
-        cuts, right = np.vstack([cuts, more[0]]), np.append(right, more[1])
+        # A tangent at the angle of the point cuts it off, and no point of the circle.
+        new_cuts, new_right = circles.tangents(outside, np.angle(value[outside]))
+        cuts = np.vstack([cuts, new_cuts])
+        right = np.append(right, new_right)
     total = float(np.sum(weight * np.abs(x)))
     # The programme is solved to a tolerance, which must not lift the bound above what was reached.
     low = min(float(solved.fun) * unit, total)
@@ -186,8 +186,9 @@ def _circles(influence: Influence, limits, bounds) -> tuple[_Circles, np.ndarray
     matrix = np.asarray(influence.matrix) / limits[:, None]
     initial = np.asarray(influence.initial) / limits
     size = 1.0 / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    own = [np.eye(planes)] if bounds is None else [np.eye(planes), np.diag(size / bounds)]
-    a = np.vstack([matrix * size, *own])
+    a = np.vstack([matrix * size, np.eye(planes)])
+    if bounds is not None:
+        a = np.vstack([a, np.diag(size / bounds)])
     t = np.zeros((len(a), planes))
     t[rows : rows + planes] = np.eye(planes)
     b = np.append(initial, np.zeros(len(a) - rows))

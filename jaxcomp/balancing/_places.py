@@ -120,35 +120,38 @@ def placed(
         place = np.repeat(np.arange(plane.directions.size), stock.size)
         kind = np.tile(np.arange(stock.size), plane.directions.size)
         unbalance = plane.arm * stock[kind] * plane.directions[place]
-        most = min(most_weights, per_place * plane.directions.size)
-        choices = Choices(unbalance, stock[kind], place, kind, per_place, most, limits)
+        most_in_plane = min(most_weights, per_place * plane.directions.size)
+        choices = Choices(unbalance, stock[kind], place, kind, per_place, most_in_plane, limits)
         sums[number] = WeightSums(choices, _MOST_SUMS)
     search = _Search(influence, sums, limits)
     search.run()
     return _stock_balance(influence, planes, search)
 
 
-def as_weights(found: Balance, radii: Mapping[str, float], removed: Collection[str]) -> Balance:
+def as_weights(solution: Balance, radii: Mapping[str, float], removed: Collection[str]) -> Balance:
     """A balance with one weight in each plane, wherever its angle is.
 
     Args:
-        found: of any method.
+        solution: of any method.
         radii: [m] by plane; those of the system for others.
         removed: planes in which mass is taken off, opposite to the correction.
     """
-    influence = found.influence
-    angles = np.angle(np.asarray(found.correction))
+    influence = solution.influence
+    angles = np.angle(np.asarray(solution.correction))
     places = {}
     for name, angle in zip(influence.planes, angles.tolist(), strict=True):
         taken_off = name in removed
-        angle = angle + np.pi if taken_off else angle
+        if taken_off:
+            angle += np.pi
         places[name] = Places([angle], radius=radii.get(name), removed=taken_off)
     planes = _planes(influence, places)
-    sizes = np.abs(np.asarray(found.correction))
+    sizes = np.abs(np.asarray(solution.correction))
     arms = np.array([abs(plane.arm) for plane in planes.values()])
     owner = np.arange(sizes.size)
     at = np.concatenate([plane.places.angles for plane in planes.values()])
-    return dataclasses.replace(found, weights=_weights(influence, planes, owner, sizes / arms, at))
+    return dataclasses.replace(
+        solution, weights=_weights(influence, planes, owner, sizes / arms, at)
+    )
 
 
 def _check_stock(stock, counts, per_place, most_weights) -> None:
@@ -165,9 +168,9 @@ def _check_stock(stock, counts, per_place, most_weights) -> None:
 
 def _planes(influence: Influence, places) -> dict[int, _Plane]:
     """Places by number of the plane."""
-    by_name: Mapping[str, Places] = (
-        places if isinstance(places, Mapping) else {name: places for name in influence.planes}
-    )
+    by_name: Mapping[str, Places] = {name: places for name in influence.planes}
+    if isinstance(places, Mapping):
+        by_name = places
     for name in by_name:
         if name not in influence.planes:
             raise BadInput(f"places.{name}", name, one_of(name, influence.planes))
@@ -176,10 +179,12 @@ def _planes(influence: Influence, places) -> dict[int, _Plane]:
     planes = {}
     for number, name in enumerate(influence.planes):
         if name in by_name:
-            own = by_name[name]
-            radius = _radius(influence, number, own)
-            arm = (-1.0 if own.removed else 1.0) * (1.0 if radius is None else radius)
-            planes[number] = _Plane(arm, radius, np.exp(1j * own.angles), own)
+            plane_places = by_name[name]
+            radius = _radius(influence, number, plane_places)
+            arm = 1.0 if radius is None else radius
+            if plane_places.removed:
+                arm = -arm
+            planes[number] = _Plane(arm, radius, np.exp(1j * plane_places.angles), plane_places)
     return planes
 
 
@@ -220,8 +225,8 @@ def _any_masses(influence: Influence, planes: Mapping[int, _Plane]) -> Balance:
     # The same vibration by less mass, plane by plane: only sums count.
     light = np.zeros(masses.size)
     for number in planes:
-        own = owner == number
-        light[own] = _lightest(arms[own], masses[own], upper[own])
+        in_plane = owner == number
+        light[in_plane] = _lightest(arms[in_plane], masses[in_plane], upper[in_plane])
     light = np.where(light < _NO_MASS, 0.0, light) * unit
     correction = np.zeros(len(influence.planes), complex)
     np.add.at(correction, owner, arms * light)
@@ -244,14 +249,16 @@ def _mass_unit(columns: np.ndarray, initial: np.ndarray) -> float:
     """[kg] A mass that does about as much as the vibration before."""
     strength = np.linalg.norm(columns, axis=0).max()
     size = np.linalg.norm(initial)
-    return float(size / strength) if strength > 0 and size > 0 else 1.0
+    if strength > 0 and size > 0:
+        return float(size / strength)
+    return 1.0
 
 
 def _dual_bound(system, right, masses, upper) -> float:
     """A value that no masses within their bounds get below: the dual problem at their residual."""
-    rest = right - system @ masses
-    gain = np.maximum(system.T @ rest, 0.0)
-    squares = 2 * (rest @ right - np.sum(upper * gain)) - rest @ rest
+    residual = right - system @ masses
+    gain = np.maximum(system.T @ residual, 0.0)
+    squares = 2 * (residual @ right - np.sum(upper * gain)) - residual @ residual
     return float(np.sqrt(max(squares, 0.0)))
 
 
@@ -260,18 +267,16 @@ def _lightest(arms, masses, upper) -> np.ndarray:
     from scipy.optimize import linprog
 
     total = np.sum(arms * masses)
-    scale = float(np.abs(arms).max()) * max(float(masses.max()), 1e-300)
-    rows = (
-        np.stack([np.real(arms), np.imag(arms)]) * masses.max() / scale
-        if masses.max() > 0
-        else None
-    )
-    if rows is None:
+    if not masses.max() > 0:
         return masses
-    wanted = np.array([np.real(total), np.imag(total)]) / scale
+    # In shares of the largest mass, and sums over that at the longest arm: the programme's tolerances
+    # are absolute.
+    scale = float(np.abs(arms).max()) * max(float(masses.max()), 1e-300)
+    rows = np.stack([np.real(arms), np.imag(arms)]) * masses.max() / scale
+    target = np.array([np.real(total), np.imag(total)]) / scale
     ends = upper / masses.max()
     answer = linprog(
-        np.ones(masses.size), A_eq=rows, b_eq=wanted, bounds=[(0, end) for end in ends]
+        np.ones(masses.size), A_eq=rows, b_eq=target, bounds=[(0, end) for end in ends]
     )
     if answer.status != 0:
         return masses
@@ -281,8 +286,8 @@ def _lightest(arms, masses, upper) -> np.ndarray:
     if 0 < inside.size <= 2:  # to all digits, which a linear programme does not promise
         fixed = shares.copy()
         fixed[inside] = 0.0
-        shares[inside] = np.linalg.lstsq(rows[:, inside], wanted - rows @ fixed, rcond=None)[0]
-    error = np.linalg.norm(rows @ shares - wanted)
+        shares[inside] = np.linalg.lstsq(rows[:, inside], target - rows @ fixed, rcond=None)[0]
+    error = np.linalg.norm(rows @ shares - target)
     if error > 1e-9 or np.any(shares < 0):
         return masses
     return shares * masses.max()
@@ -290,18 +295,22 @@ def _lightest(arms, masses, upper) -> np.ndarray:
 
 def _weights(influence: Influence, planes, owner, masses, angles) -> PlacedWeights:
     """The weights that are there, with their places."""
-    there = np.flatnonzero(masses > 0)
-    owner = owner[there]
-    masses = masses[there]
+    present = np.flatnonzero(masses > 0)
+    owner = owner[present]
+    masses = masses[present]
     radius = np.array([planes[number].radius or np.nan for number in owner], float)
-    by_mass = influence.trial == "kg"
+    has_radius = np.isfinite(radius)
+    mass = masses
+    unbalance = np.full(owner.size, np.nan)
+    if influence.trial != "kg":
+        # in a plane without a radius what is solved for is mass times radius
+        mass = np.where(has_radius, masses, np.nan)
+        unbalance = masses * np.where(has_radius, radius, 1.0)
     return PlacedWeights(
         plane=owner,
-        angle=angles[there],
-        mass=np.where(by_mass | np.isfinite(radius), masses, np.nan),
-        unbalance=np.full(owner.size, np.nan)
-        if by_mass
-        else masses * np.where(np.isfinite(radius), radius, 1.0),
+        angle=angles[present],
+        mass=mass,
+        unbalance=unbalance,
         removed=np.array([planes[number].places.removed for number in owner], bool),
     )
 
@@ -324,12 +333,14 @@ class _Search:
         q, r = np.linalg.qr(matrix[:, self.order])
         self.r = np.zeros((count, count), complex)
         self.r[: r.shape[0]] = r
-        self.wanted = np.zeros(count, complex)
-        self.wanted[: r.shape[0]] = -(q.conj().T @ initial)
+        self.target = np.zeros(count, complex)
+        self.target[: r.shape[0]] = -(q.conj().T @ initial)
         # By Pythagoras what no correction reaches stays.
-        self.rest = max(float(np.linalg.norm(initial) ** 2 - np.linalg.norm(self.wanted) ** 2), 0.0)
+        self.unreachable = max(
+            float(np.linalg.norm(initial) ** 2 - np.linalg.norm(self.target) ** 2), 0.0
+        )
         # Columns of planes that act alike leave nothing for the later of them but rounding.
-        self.nothing = 1e-12 * max(float(np.abs(self.r).max()), 1e-300)
+        self.negligible = 1e-12 * max(float(np.abs(self.r).max()), 1e-300)
         self.counts = counts
         self.lowest = np.inf
         self.picked = []
@@ -338,28 +349,29 @@ class _Search:
 
     def run(self) -> None:
         """Look at all that can be better than the best so far."""
-        self._descend(len(self.sums) - 1, self.wanted, self.rest, [], self.counts)
+        self._descend(len(self.sums) - 1, self.target, self.unreachable, [], self.counts)
 
-    def _descend(self, level, wanted, below, chosen, free) -> None:
+    def _descend(self, level, targets, below, path, free) -> None:
         slope = self.r[level, level]
-        steep = abs(slope) > self.nothing
-        centre = complex(wanted[level] / slope) if steep else 0j
-        own = self.sums[level]
-        self.points += own.size if own.paired else _LOOK
-        nearest = own.nearest(centre, free)
+        steep = abs(slope) > self.negligible
+        centre = complex(targets[level] / slope) if steep else 0j
+        sums = self.sums[level]
+        self.points += sums.size if sums.paired else _LOOK
+        nearest = sums.nearest(centre, free)
         if nearest is None:
             return
-        self._take(level, wanted, below, chosen, free, nearest)
+        # The nearest sum first: it gives a whole combination early, by which the others are measured.
+        self._take(level, targets, below, path, free, nearest)
         if level == 0:
             return
-        if not steep and (own.paired or own.size > _MOST_ALIKE):
+        if not steep and (sums.paired or sums.size > _MOST_ALIKE):
             self.unseen = min(self.unseen, float(np.sqrt(below)))
             return
         room = np.sqrt(max(self.lowest**2 - below, 0.0))
         radius = room / abs(slope) if steep else np.inf
-        near = own.within(centre, radius, free)
+        near = sums.within(centre, radius, free)
         for place in range(near.distance.size):
-            candidate = own.candidate(near, place)
+            candidate = sums.candidate(near, place)
             if candidate.picks == nearest.picks:
                 continue
             cost = below + abs(slope * (candidate.sum - centre)) ** 2 if steep else below
@@ -370,13 +382,13 @@ class _Search:
             if self.points > _MOST_POINTS:
                 self.unseen = min(self.unseen, float(np.sqrt(cost)))
                 break
-            self._take(level, wanted, below, chosen, free, candidate)
+            self._take(level, targets, below, path, free, candidate)
 
-    def _take(self, level, wanted, below, chosen, free, candidate: Candidate) -> None:
+    def _take(self, level, targets, below, above, free, candidate: Candidate) -> None:
         """Decide one plane, and go on to the next."""
-        rest = wanted[level] - self.r[level, level] * candidate.sum
-        cost = below + abs(rest) ** 2
-        path = [*chosen, candidate]
+        residual = targets[level] - self.r[level, level] * candidate.sum
+        cost = below + abs(residual) ** 2
+        path = [*above, candidate]
         if level == 0:
             mass = sum(each.mass for each in path)
             size = float(np.sqrt(cost))
@@ -385,9 +397,9 @@ class _Search:
                 self.lowest = min(size, self.lowest)
                 self.picked = path
             return
-        left = None if free is None else free - self.sums[level].used(candidate.picks)
-        others = wanted - self.r[:, level] * candidate.sum
-        self._descend(level - 1, others, cost, path, left)
+        remaining = None if free is None else free - self.sums[level].used(candidate.picks)
+        further_targets = targets - self.r[:, level] * candidate.sum
+        self._descend(level - 1, further_targets, cost, path, remaining)
 
     def _mass(self) -> float:
         return sum(each.mass for each in self.picked)

@@ -6,6 +6,7 @@ weights are, and a sum is a pair of them: 36 places for up to four weights of fi
 sums, but 16 thousand of two.
 """
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ class Choices(NamedTuple):
         mass: [kg] (choices,)
         place, kind: (choices,) numbers of place and weight.
         per_place: weights that one place takes.
-        most: weights in the plane.
+        most_weights: in the plane.
         counts: (kinds,) how many weights of each kind there are; `None` for any number.
     """
 
@@ -32,7 +33,7 @@ class Choices(NamedTuple):
     place: np.ndarray
     kind: np.ndarray
     per_place: int
-    most: int
+    most_weights: int
     counts: np.ndarray | None
 
 
@@ -53,7 +54,7 @@ class Candidate(NamedTuple):
 
 
 class _Listed(NamedTuple):
-    """Sums in a list: (n,) values and masses, (n, most) picks with -1 behind the last."""
+    """Sums in a list: (n,) values and masses, (n, most_weights) picks with -1 behind the last."""
 
     values: np.ndarray
     mass: np.ndarray
@@ -75,37 +76,37 @@ class WeightSums:
 
     def __init__(self, choices: Choices, limit: int):
         self.choices = choices
-        whole = _listed(choices, choices.most, limit)
-        self.paired = whole is None
+        listed = _listed(choices, choices.most_weights, limit)
+        self.paired = listed is None
         self.complete = True
-        if whole is None:
-            whole, reach = _largest_half(choices, limit)
-            self.complete = 2 * reach >= choices.most
+        if listed is None:
+            listed, reach = _largest_half(choices, limit)
+            self.complete = 2 * reach >= choices.most_weights
         elif choices.counts is None:
             # Not of halves, of which a heavier one may be the only one that leaves a place free.
-            whole = _lightest(whole)
-        self._list = whole
-        self.size = len(whole.values)
-        self._scale = float(np.abs(whole.values).max()) or 1.0
-        self._tree = KDTree(_points(whole.values))
-        self._number = np.sum(whole.picks >= 0, axis=1)
-        self._used = _tally(whole.picks, choices.kind)
-        self._load = _tally(whole.picks, choices.place) if self.paired else None
+            listed = _lightest(listed)
+        self._list = listed
+        self.size = len(listed.values)
+        self._scale = float(np.abs(listed.values).max()) or 1.0
+        self._tree = KDTree(_points(listed.values))
+        self._number = np.sum(listed.picks >= 0, axis=1)
+        self._used = _tally(listed.picks, choices.kind)
+        self._load = _tally(listed.picks, choices.place) if self.paired else None
 
-    def nearest(self, wanted: complex, free: np.ndarray | None) -> Candidate | None:
+    def nearest(self, target: complex, free: np.ndarray | None) -> Candidate | None:
         """The nearest sum, of several the lightest; `None` where the stock has none.
 
         Args:
-            wanted: [kg m]
+            target: [kg m]
             free: (kinds,) how many weights of each kind are left; `None` for any number.
         """
-        centres = self._centres(wanted)
+        centres = self._centres(target)
         radius = float(self._tree.query(_points(centres))[0].min())
-        reach = float(np.abs(wanted)) + 2 * self._scale
+        reach = float(np.abs(target)) + 2 * self._scale
         while True:
             # The nearest sum may take weights that the stock has no more: further out, by and by.
             radius = radius * (1 + 1e-9) + _SAME_POINT * self._scale
-            near = self.within(wanted, radius, free)
+            near = self.within(target, radius, free)
             if near.distance.size:
                 closest = near.distance[0] * (1 + 1e-9) + _SAME_POINT * self._scale
                 ties = np.flatnonzero(near.distance <= closest)
@@ -116,14 +117,14 @@ class WeightSums:
                 return None
             radius *= 1.5
 
-    def within(self, wanted: complex, radius: float, free: np.ndarray | None) -> "Near":
+    def within(self, target: complex, radius: float, free: np.ndarray | None) -> "Near":
         """All sums within a distance that the stock allows, the nearest first."""
         listed = self._list
-        centres = self._centres(wanted)
-        radius = min(radius, 4 * self._scale + abs(wanted))
-        found = self._tree.query_ball_point(_points(centres), radius)
-        first = np.repeat(np.arange(len(found)), [len(seconds) for seconds in found])
-        second = np.array([place for seconds in found for place in seconds], int)
+        centres = self._centres(target)
+        radius = min(radius, 4 * self._scale + abs(target))
+        neighbours = self._tree.query_ball_point(_points(centres), radius)
+        first = np.repeat(np.arange(len(neighbours)), list(map(len, neighbours)))
+        second = np.fromiter(chain.from_iterable(neighbours), int)
         distance = np.abs(centres[first] - listed.values[second])
         mass = listed.mass[second]
         number = self._number[second]
@@ -135,12 +136,12 @@ class WeightSums:
             used = used + self._used[first]
             load = self._load[first] + self._load[second]
             allowed &= (load.max(axis=1, initial=0) <= self.choices.per_place) & (
-                number <= self.choices.most
+                number <= self.choices.most_weights
             )
         if free is not None:
             allowed &= np.all(used <= free, axis=1)
-        there = np.flatnonzero(allowed)
-        order = there[np.lexsort((mass[there], distance[there]))]
+        admissible = np.flatnonzero(allowed)
+        order = admissible[np.lexsort((mass[admissible], distance[admissible]))]
         return Near(distance[order], mass[order], number[order], first[order], second[order])
 
     def candidate(self, near: "Near", place: int) -> Candidate:
@@ -158,9 +159,11 @@ class WeightSums:
         """(kinds,) Weights of each kind in a combination."""
         return np.bincount(self.choices.kind[list(picks)], minlength=self.choices.kind.max() + 1)
 
-    def _centres(self, wanted: complex) -> np.ndarray:
+    def _centres(self, target: complex) -> np.ndarray:
         """Points at which the list is looked at: what is wanted, less the first half of a pair."""
-        return wanted - self._list.values if self.paired else np.array([wanted])
+        if self.paired:
+            return target - self._list.values
+        return np.array([target])
 
 
 class Near(NamedTuple):
@@ -188,7 +191,7 @@ def _points(values: np.ndarray) -> np.ndarray:
 
 def _largest_half(choices: Choices, limit: int) -> tuple[_Listed, int]:
     """The sums of as many weights as can be listed, up to half of all, and how many these are."""
-    reach = (choices.most + 1) // 2
+    reach = (choices.most_weights + 1) // 2
     while True:
         half = _listed(choices, reach, limit)
         if half is not None:
@@ -196,51 +199,51 @@ def _largest_half(choices: Choices, limit: int) -> tuple[_Listed, int]:
         reach -= 1
 
 
-def _listed(choices: Choices, most: int, limit: int) -> _Listed | None:
-    """All sums of up to `most` weights; `None` if they are more than the limit."""
+def _listed(choices: Choices, count_limit: int, limit: int) -> _Listed | None:
+    """All sums of up to `count_limit` weights; `None` if they are more than the limit."""
     values = [np.zeros(1, complex)]
     masses = [np.zeros(1)]
-    picks = [np.full((1, most), -1, np.int32)]
+    picks = [np.full((1, count_limit), -1, np.int32)]
     # Each sum grows by choices from its last one on, so that no combination comes twice.
-    last = np.full(1, -1)
-    here = np.zeros(1, int)
+    last_choice = np.full(1, -1)
+    at_place = np.zeros(1, int)
     kinds = int(choices.kind.max()) + 1
     used = np.zeros((1, kinds), int)
     count = 1
-    for level in range(most):
-        allowed = [
-            _growing(choices, number, last, here, used) for number in range(choices.mass.size)
-        ]
-        count += sum(int(mask.sum()) for mask in allowed)
-        if count > limit and most > 1:
+    for level in range(count_limit):
+        # one row for each choice, one column for each sum so far
+        allowed = np.array(
+            [_growing(choices, number, last_choice, at_place, used)
+             for number in range(choices.mass.size)]
+        )  # fmt: skip
+        count += int(allowed.sum())
+        if count > limit and count_limit > 1:
             return None
-        grown = [np.flatnonzero(mask) for mask in allowed]
-        parents = np.concatenate(grown)
+        numbers, parents = np.nonzero(allowed)
         if not parents.size:
             break
-        numbers = np.repeat(np.arange(choices.mass.size), [each.size for each in grown])
         next_picks = picks[-1][parents].copy()
         next_picks[:, level] = numbers
-        same_place = (last[parents] >= 0) & (
-            choices.place[numbers] == choices.place[np.maximum(last[parents], 0)]
+        same_place = (last_choice[parents] >= 0) & (
+            choices.place[numbers] == choices.place[np.maximum(last_choice[parents], 0)]
         )
         values.append(values[-1][parents] + choices.unbalance[numbers])
         masses.append(masses[-1][parents] + choices.mass[numbers])
         picks.append(next_picks)
-        here = np.where(same_place, here[parents] + 1, 1)
+        at_place = np.where(same_place, at_place[parents] + 1, 1)
         used = used[parents]
         used[np.arange(used.shape[0]), choices.kind[numbers]] += 1
-        last = numbers
+        last_choice = numbers
     return _Listed(np.concatenate(values), np.concatenate(masses), np.concatenate(picks))
 
 
-def _growing(choices: Choices, number: int, last, here, used) -> np.ndarray:
+def _growing(choices: Choices, number: int, last_choice, at_place, used) -> np.ndarray:
     """Mask of the sums that a choice may join."""
-    if last[0] < 0:
-        fits = np.ones(last.size, bool)
+    if last_choice[0] < 0:
+        fits = np.ones(last_choice.size, bool)
     else:
-        same = choices.place[last] == choices.place[number]
-        fits = (last <= number) & (~same | (here < choices.per_place))
+        same = choices.place[last_choice] == choices.place[number]
+        fits = (last_choice <= number) & (~same | (at_place < choices.per_place))
     if choices.counts is not None:
         kind = choices.kind[number]
         fits &= used[:, kind] < choices.counts[kind]

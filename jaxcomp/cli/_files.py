@@ -125,11 +125,11 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     Args:
         empty: Remove them; they are compiled again when they are needed.
     """
-    from .._core.programs import forget_kept, kept
+    from .._core.programs import cache_status, empty_cache
 
     if empty:
-        forget_kept()
-    stored = kept()
+        empty_cache()
+    stored = cache_status()
     folder = str(stored.folder) if stored.folder else f"none: {stored.why}"
     rows = (
         ("folder", folder),

@@ -216,7 +216,7 @@ def _searched(
         def callback(stage: str, count: int, total: int) -> None:
             words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
             # a descent ends as soon as it has converged
-            progress.at(count, total, words, most=stage != "sample")
+            progress.at(count, total, words, is_limit=stage != "sample")
 
         def keep(problem, designs, evaluation) -> None:
             solved.append((designs, evaluation.values, evaluation.ok))

@@ -169,7 +169,7 @@ def oil_films(compressor: Compressor, orbit: Orbit):
             yield law_name, law
     for number in range(1, crankshaft.count + 1):
         for law_name, law in own.items():
-            one = law.one(number) if isinstance(law, EachJournal) else law
+            one = law.law_of_cylinder(number) if isinstance(law, EachJournal) else law
             if isinstance(one, JournalBearing):
                 yield crankshaft.joint(law_name, number), of_cylinder(one, number)
 

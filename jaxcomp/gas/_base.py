@@ -101,7 +101,9 @@ class EachGas(AbstractEach, AbstractGas):
         """Events of each cylinder; where one has fewer than another, at its top dead centre."""
         count = len(self.of_cylinder)
         swept = jnp.broadcast_to(swept, (count,))
-        each = [self.one(number + 1).valve_events(swept[number]) for number in range(count)]
+        each = [
+            self.law_of_cylinder(number + 1).valve_events(swept[number]) for number in range(count)
+        ]
         return tuple(
             (column, inward)
             for inward in (True, False)
@@ -110,11 +112,14 @@ class EachGas(AbstractEach, AbstractGas):
 
     def event_angles(self):
         """One array: angles of each cylinder; where one has fewer than another, its top dead centre."""
-        rows = [jnp.asarray(self.one(i + 1).event_angles()) for i in range(len(self.of_cylinder))]
+        rows = [
+            jnp.asarray(self.law_of_cylinder(i + 1).event_angles())
+            for i in range(len(self.of_cylinder))
+        ]
         return _filled(rows) if any(row.size for row in rows) else ()
 
     def event_shares(self):
-        rows = [self.one(i + 1).event_shares() for i in range(len(self.of_cylinder))]
+        rows = [self.law_of_cylinder(i + 1).event_shares() for i in range(len(self.of_cylinder))]
         if all(row is None for row in rows):
             return None
         return _filled([jnp.zeros(0) if row is None else row for row in rows])

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
 from .._core.fields import admissible
-from .._core.registry import Quantity, is_own, offered_values, registered, registered_quantity
+from .._core.registry import Quantity, is_external, offered_values, registered, registered_quantity
 from .._core.status import Status
 from .._core.words import nearest, one_of
 from ..balancing import least_squares
@@ -274,7 +274,9 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
     known = {one.name: one for one in registered() if not one.missing(design)}
     if not members:
         return known
-    traced = [one for one in known.values() if is_own(one) or (one.family and one.members is None)]
+    traced = [
+        one for one in known.values() if is_external(one) or (one.family and one.members is None)
+    ]
 
     def values(design):
         found = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))

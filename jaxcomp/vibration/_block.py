@@ -125,19 +125,20 @@ def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     Returns:
         Displacement [m] and rotation [rad] of the block, shape (6, n).
     """
-    block, still = suspension.rotor, jnp.zeros(())
+    block = suspension.rotor
+    no_spin = jnp.zeros(())
 
     def at(force, frequency):
         # the centre is the first node, those of the springs follow it
         forces = jnp.zeros((1 + len(suspension.springs), 6), complex).at[0].set(force)
-        return harmonic_response(block, forces, still, frequency).displacement[0]
+        return harmonic_response(block, forces, no_spin, frequency).displacement[0]
 
     return Harmonics(jax.vmap(at)(load.amplitude.T, load.frequency).T, load.speed)
 
 
 def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""Response far above the suspension frequencies, $\ddot X = M^{-1}F$ (Eq. 43)."""
-    inertias = suspension.inertia_x, suspension.inertia_y, suspension.inertia_z
+    inertias = (suspension.inertia_x, suspension.inertia_y, suspension.inertia_z)
     mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
     # M is diagonal about the mass centre, for the products of inertia are neglected.
     amplitude = -load.amplitude / mass[:, None] / load.frequency**2
@@ -170,10 +171,8 @@ def free_body_error(
         load: [N, N m] force and moment on the block.
         point: [m] of the block.
     """
-    true, free = (
-        point_motion(suspension, response(suspension, load), point)
-        for response in (block_response, free_body_response)
-    )
+    true = point_motion(suspension, block_response(suspension, load), point)
+    free = point_motion(suspension, free_body_response(suspension, load), point)
     return _deviation(free, true)
 
 
@@ -278,11 +277,13 @@ def _block_vibration(
     compressor: Compressor, orbit: Orbit, suspension: Suspension, points, names, count: int
 ) -> BlockVibration:
     load = orbit_load(compressor, orbit, suspension, count)
-    block, free = block_response(suspension, load), free_body_response(suspension, load)
+    block = block_response(suspension, load)
+    free = free_body_response(suspension, load)
     time = jnp.linspace(0.0, 1.0, _INSTANTS, endpoint=False) * orbit.period
 
     def at(point):
-        motion, unsprung = (point_motion(suspension, one, point) for one in (block, free))
+        motion = point_motion(suspension, block, point)
+        unsprung = point_motion(suspension, free, point)
         return {
             "position": point,
             "amplitude": jnp.abs(motion.amplitude[:, 0]),

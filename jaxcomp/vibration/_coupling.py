@@ -45,8 +45,10 @@ _OF_FORCES = Collocation(reversals=0, tolerance=1e-11)
 
 def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
     """Numbers of the links whose film takes its static load from the crank's periodic state."""
-    links = rotor.links if rotor is not None else ()
-    return tuple(i for i, link in enumerate(links) if getattr(link.law, "load", 0) is None)
+    if rotor is None:
+        return ()
+    # 0 for the laws that take no load at all
+    return tuple(i for i, link in enumerate(rotor.links) if getattr(link.law, "load", 0) is None)
 
 
 def film_coefficients(
@@ -66,13 +68,14 @@ def film_coefficients(
     """
     names = {i: _film(rotor, i).name for i in open_films(rotor) if _along_orbit(rotor, i)}
     films = journal_films(compressor, state) if names else {}
+    coefficients = {}
     for number, name in names.items():
-        if name not in films:
+        if name is None or name not in films:
             where = f"rotor.links.{number}.law.linearised"
             bound = '"mean_load": its bearing is none of `crankshaft.main_journal.bearings`'
             raise BadInput(where, "orbit", bound)
-    return {i: DynamicCoefficients(films[name].stiffness, films[name].damping)
-            for i, name in names.items() if name is not None}  # fmt: skip
+        coefficients[number] = DynamicCoefficients(films[name].stiffness, films[name].damping)
+    return coefficients
 
 
 def with_film_linearisation(machine: Machine, place: Literal["mean_load", "orbit"]) -> Machine:
@@ -122,17 +125,17 @@ def film_loads(
     share = share / jnp.sum(share)
     pins = [crankshaft.joint("crank_pin", k + 1) for k in range(crankshaft.count)]
     # The joint's force acts on the rod; its opposite presses the pin.
-    each = jnp.stack([-(state.loads.forces[pin] @ share) for pin in pins], axis=1)
-    each = crankshaft.turned(Vector(*each)).stacked()
-    mean = jnp.sum(each, axis=1)
-    moment = each @ crankshaft.position
+    pin_forces = jnp.stack([-(state.loads.forces[pin] @ share) for pin in pins], axis=1)
+    # from the axes of each cylinder into those of the machine, where they add up
+    pin_forces = crankshaft.turned(Vector(*pin_forces)).stacked()
+    mean = jnp.sum(pin_forces, axis=1)
+    moment = pin_forces @ crankshaft.position
     bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
-    found = shares(bearings, position)
-    return {
-        number: share * mean + lever * moment
-        for (number, _), (share, lever) in zip(films, found, strict=True)
-    }
+    loads = {}
+    for (number, _), (share, lever) in zip(films, shares(bearings, position), strict=True):
+        loads[number] = share * mean + lever * moment
+    return loads
 
 
 def _film(rotor: RotorModel, number: int) -> LoadedFilm:
@@ -225,23 +228,24 @@ def crank_loads(
     if machine.compressor is None or case.crank is None:
         need = "the excitation by the crank" if crank else "films without a given load"
         raise BadInput("loads.crank", "absent", f"given beside a compressor, for {need}")
-    solver = _OF_FORCES if solver is None else solver
-    whole = at_speed(machine.compressor, speed)
-    orbit = solve_orbit(whole, solver, throw=False)
+    if solver is None:
+        solver = _OF_FORCES
+    compressor = at_speed(machine.compressor, speed)
+    orbit = solve_orbit(compressor, solver, throw=False)
     ok = orbit.converged
     films = {}
     if opened:
-        loads = film_loads(rotor, whole, case.crank.pins, orbit)
+        loads = film_loads(rotor, compressor, case.crank.pins, orbit)
         films = {number: loads[number] for number in opened}
-        films |= film_coefficients(rotor, whole, orbit)
+        films |= film_coefficients(rotor, compressor, orbit)
     if not crank:
         return CrankLoads(films, (), ok)
     if left_out:
         # After the films, which stand under the loads of the whole machine.
-        whole = without(whole, left_out)
-        orbit = solve_orbit(whole, solver, throw=False)
+        compressor = without(compressor, left_out)
+        orbit = solve_orbit(compressor, solver, throw=False)
         ok &= orbit.converged
-    forces = crank_forces(whole, orbit, case.crank, tuple(dict.fromkeys((0, *orders))))
+    forces = crank_forces(compressor, orbit, case.crank, tuple(dict.fromkeys((0, *orders))))
     return CrankLoads(films, forces.forces, ok)
 
 
@@ -255,7 +259,10 @@ def running_rotor(
         crank: of `crank_loads` at this speed.
     """
     assert machine.rotor is not None
-    loads = (*machine.unbalances, *crank.forces) if crank.forces else machine.given_loads
+    loads = machine.given_loads
+    if crank.forces:
+        # in the place of the scene's periodic forces; unbalances are the rotor's own
+        loads = (*machine.unbalances, *crank.forces)
     return _loaded(machine.rotor, crank.films), loads
 
 
@@ -298,23 +305,28 @@ def loaded_rotor(
 
 @kept_jit
 def _load_tables(compressor, rotor, pins, speeds, solver):
-    solver = _OF_FORCES if solver is None else solver
+    if solver is None:
+        solver = _OF_FORCES
 
-    def one(speed):
+    def loads_at(speed):
         orbit = solve_orbit(at_speed(compressor, speed), solver, throw=False)
         # Held at its speed the crank has a periodic state even where the machine has none.
-        held = replaced(ConstantSpeed(1.0), mean_speed=speed)
-        steady = eqx.tree_at(
-            lambda c: (c.motor, c.friction), compressor, (held, None), is_leaf=lambda x: x is None
+        motor = replaced(ConstantSpeed(1.0), mean_speed=speed)
+        held = eqx.tree_at(
+            lambda c: (c.motor, c.friction), compressor, (motor, None), is_leaf=lambda x: x is None
         )
-        steady = solve_orbit(steady, solver, throw=False)
-        found, instead = (film_loads(rotor, compressor, pins, o) for o in (orbit, steady))
-        along = film_coefficients(rotor, compressor, orbit)
-        held = {i: stiffness_damping(_film(rotor, i).bearing, instead[i], speed) for i in along}
-        pair = (found | along, instead | held)
-        return jax.tree.map(partial(jnp.where, orbit.converged), *pair)
+        held_orbit = solve_orbit(held, solver, throw=False)
+        loads = film_loads(rotor, compressor, pins, orbit)
+        held_loads = film_loads(rotor, compressor, pins, held_orbit)
+        # Where there is no periodic state there is no orbit to average along: there the films that ask
+        # for it are linearised at the load of the crank at constant speed.
+        for number, means in film_coefficients(rotor, compressor, orbit).items():
+            bearing = _film(rotor, number).bearing
+            held_loads[number] = stiffness_damping(bearing, held_loads[number], speed)
+            loads[number] = means
+        return jax.tree.map(partial(jnp.where, orbit.converged), loads, held_loads)
 
-    return jax.vmap(one)(speeds)
+    return jax.vmap(loads_at)(speeds)
 
 
 def _loaded(rotor: RotorModel, loads, speeds=None) -> RotorModel:
@@ -322,7 +334,8 @@ def _loaded(rotor: RotorModel, loads, speeds=None) -> RotorModel:
     for number, load in loads.items():
         if not isinstance(load, DynamicCoefficients):
             law = replaced(links[number].law, load=load)
-            law = law if speeds is None else replaced(law, speed=speeds)
+            if speeds is not None:
+                law = replaced(law, speed=speeds)
         elif speeds is None:
             law = ConstantLaw(*load)
         elif speeds.size == 1:

@@ -60,31 +60,36 @@ def crank_forces(
     Raises:
         BadInput: another mechanism.
     """
-    mechanism, crankshaft = compressor.mechanism, compressor.crankshaft
+    mechanism = compressor.mechanism
+    crankshaft = compressor.crankshaft
     if not isinstance(mechanism, SliderCrank | SliderLink):
         raise BadInput("mechanism", kind_text(mechanism), "a slider-crank or slider-link")
-    angle, lost = state.state.angle, state.loads.loss_torque
+    angle = state.state.angle
+    lost = state.loads.loss_torque
     none = jnp.zeros_like(angle)
     phase = state.mean_speed * state.time + first_top(compressor)
     # The nodes stand in angle; a mean over time weighs them by dt = d(angle)/speed.
     share = state.weight / state.state.speed
     share = share / jnp.sum(share)
     gas_forces = instants(state.under_gas(compressor), angle).gas_force
-    own_angles = crankshaft.own_angle(angle)
+    cylinder_angles = crankshaft.own_angle(angle)
     of_joints = _rod_and_wall if isinstance(mechanism, SliderCrank) else _slider_and_wall
-    forces, missing, of_pins = [], {}, set()
-    for place, own_nodes in enumerate(nodes.of_cylinders):
+    forces = []
+    missing = {}
+    of_pins = set()
+    for place, cylinder_nodes in enumerate(nodes.of_cylinders):
         number = place + 1
-        single, own, gas = of_cylinder(mechanism, number), own_angles[place], gas_forces[place]
+        single = of_cylinder(mechanism, number)
+        cylinder_angle = cylinder_angles[place]
+        gas = gas_forces[place]
         joints = {name: crankshaft.joint(name, number) for name in _OF_CYLINDER}
         of_pins |= set(joints.values())
-        at = {
-            name: state.loads.forces[joints[name]]
-            for name in _PRESSED
-            if joints[name] in state.loads.forces
-        }
+        at = {}
+        for name in _PRESSED:
+            if joints[name] in state.loads.forces:
+                at[name] = state.loads.forces[joints[name]]
         losses = {name: lost.get(joints[name], none) for name in ("crank_pin", "piston_pin")}
-        pin, torque, side, lever = of_joints(single, own, at, losses)
+        pin, torque, side, lever = of_joints(single, cylinder_angle, at, losses)
         # M_z = x F_y - y F_x about the node of the wall: the friction acts along y = offset.
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
         wrenches = (
@@ -92,8 +97,10 @@ def crank_forces(
             ("gas", gas, none, -single.offset * gas),
             ("wall", side[0], side[1], lever),
         )
-        c, s = jnp.cos(crankshaft.bank_angle[place]), jnp.sin(crankshaft.bank_angle[place])
-        for node, (name, fx, fy, mz) in zip(own_nodes, wrenches, strict=True):
+        c = jnp.cos(crankshaft.bank_angle[place])
+        s = jnp.sin(crankshaft.bank_angle[place])
+        for node, (name, fx, fy, mz) in zip(cylinder_nodes, wrenches, strict=True):
+            # from the axes of the cylinder into those of the machine; mz is the same in both
             along = jnp.stack([c * fx - s * fy, s * fx + c * fy, none])
             table, missing[crankshaft.joint(name, number)] = _harmonics(along, phase, share, orders)
             turning, _ = _harmonics(jnp.stack([none, none, mz]), phase, share, orders)
@@ -162,9 +169,10 @@ def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
     table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
     cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
     sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])
-    kept = sum(
-        a[:, None] * jnp.cos(p) + b[:, None] * jnp.sin(p)
-        for a, b, (_, p) in zip(cosine, sine, table, strict=True)
-    )
-    rest, whole = (jnp.sum(share * v**2) for v in (values - kept, values))
-    return (cosine, sine), jnp.sqrt(rest / jnp.where(whole == 0, 1.0, whole))
+    fitted = jnp.zeros_like(values)
+    for a, b, (_, p) in zip(cosine, sine, table, strict=True):
+        fitted = fitted + a[:, None] * jnp.cos(p) + b[:, None] * jnp.sin(p)
+    left_out = jnp.sum(share * (values - fitted) ** 2)
+    total = jnp.sum(share * values**2)
+    # a load that is zero leaves nothing out
+    return (cosine, sine), jnp.sqrt(left_out / jnp.where(total == 0, 1.0, total))

@@ -38,16 +38,22 @@ def rotor_at(
     """
     if isinstance(machine, RotorModel | System):
         return machine
-    made = _with_rotor(machine)
+    assembly = _with_rotor(machine)
     speeds = jnp.ravel(jnp.asarray(spin_speeds, float))
-    assert made.rotor is not None
-    return loaded_rotor(made, speeds) if speeds.size else made.rotor
+    assert assembly.rotor is not None
+    if not speeds.size:
+        return assembly.rotor
+    return loaded_rotor(assembly, speeds)
 
 
 def excited_orders(loads: Loads) -> tuple[int, ...]:
     """Orders of the spin speed that loads have, the first among them, without the mean."""
-    found = {n for load in loads if isinstance(load, PeriodicForce) for n in load.orders}
-    return tuple(sorted({1} | found - {0}))
+    orders = {1}
+    for load in loads:
+        if isinstance(load, PeriodicForce):
+            orders |= set(load.orders)
+    # the mean shakes nothing
+    return tuple(sorted(orders - {0}))
 
 
 def respond(
@@ -91,36 +97,37 @@ def respond(
         return rotor.respond(
             machine, loads, spin_speeds, orders or excited_orders(loads), **options
         )
-    made = _with_rotor(machine)
-    assert made.rotor is not None
+    assembly = _with_rotor(machine)
+    assert assembly.rotor is not None
     if spin_speeds is None:
-        spin_speeds = own_speeds(made.balancing, made.compressor)
+        spin_speeds = own_speeds(assembly.balancing, assembly.compressor)
         if spin_speeds is None:
             raise BadInput("spin_speeds", "absent", "given: the machine names no speed of its own")
     speeds = jnp.asarray(spin_speeds, float)
-    own = made.given_loads
-    if loads is None and made.excitation(excitation) == "crank":
-        return _shaken_by_crank(made, speeds, orders or (1,), crank_solver, options)
-    loads = own if loads is None else loads
+    given_loads = assembly.given_loads
+    if loads is None and assembly.excitation(excitation) == "crank":
+        return _shaken_by_crank(assembly, speeds, orders or (1,), crank_solver, options)
+    if loads is None:
+        loads = given_loads
     if not loads:
         raise BadInput("loads", "absent", "given: nothing excites this rotor")
-    model = loaded_rotor(made, speeds, crank_solver)
+    model = loaded_rotor(assembly, speeds, crank_solver)
     return rotor.respond(model, loads, speeds, orders or excited_orders(loads), **options)
 
 
-def _shaken_by_crank(made: Assembly, speeds, orders, solver, options) -> Response:
+def _shaken_by_crank(assembly: Assembly, speeds, orders, solver, options) -> Response:
     def at(speed):
-        crank = crank_loads(made, speed, orders, solver)
-        model, loads = running_rotor(made, crank)
-        found = rotor.respond(model, loads, speed[None], orders, **options)
+        crank = crank_loads(assembly, speed, orders, solver)
+        model, loads = running_rotor(assembly, crank)
+        response = rotor.respond(model, loads, speed[None], orders, **options)
         # However well it is solved: without a periodic state its forces mean nothing.
-        trusted = jnp.where(crank.ok, found.status, NO_CRANK)
-        return eqx.tree_at(lambda r: r.status, found, trusted)
+        trusted = jnp.where(crank.ok, response.status, NO_CRANK)
+        return eqx.tree_at(lambda r: r.status, response, trusted)
 
     if speeds.ndim != 1 or not speeds.size:
         raise BadInput("spin_speeds", speeds, "a list of speeds")
-    found = eqx.filter_jit(jax.vmap(at))(speeds)
-    return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), found)
+    response = eqx.filter_jit(jax.vmap(at))(speeds)
+    return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), response)
 
 
 def undamped_modes(
@@ -157,10 +164,9 @@ def damped_modes(
         count: of modes.
         options: of `jaxcomp.rotor.damped_modes`.
     """
-    free = options.get("free", False)
-    return rotor.damped_modes(
-        rotor_at(machine, () if free else spin_speed), spin_speed, count, **options
-    )
+    # as in `undamped_modes`: without links no crank has to be solved
+    film_speeds = () if options.get("free", False) else spin_speed
+    return rotor.damped_modes(rotor_at(machine, film_speeds), spin_speed, count, **options)
 
 
 def rotor_modes(
@@ -186,8 +192,8 @@ def rotor_modes(
         BadInput: a machine without a rotor, or as `jaxcomp.rotor.damped_modes`.
 
     >>> from jaxcomp import load
-    >>> found = rotor_modes(load("hermetic-68cc"), [314.16], 3)
-    >>> for mode in found.listed(0):
+    >>> modes = rotor_modes(load("hermetic-68cc"), [314.16], 3)
+    >>> for mode in modes.listed(0):
     ...     print(f"{mode['frequency']:.3g} rad/s, {mode['subset']}")
     28.2 rad/s, rotor
     28.5 rad/s, rotor
@@ -198,22 +204,24 @@ def rotor_modes(
         speeds.append(over)
     model = rotor_at(machine, np.unique(np.concatenate(speeds)) if speeds else ())
     assert isinstance(model, RotorModel)
-    found = tuple(
+    point_modes = tuple(
         rotor.damped_modes(model, speed, count, free=free, damping=damping) for speed in spin_speeds
     )
     diagram = None
     if over is not None:
-        modes = rotor.campbell(model, over, count, damping=damping)
-        critical = critical_speeds_between(model, over, count, damping=damping, diagram=modes)
-        diagram = rotor.CampbellDiagram(np.asarray(over), modes, critical)
-    return rotor.RotorModes(model, np.asarray(spin_speeds), found, free, damping, diagram)
+        diagram_modes = rotor.campbell(model, over, count, damping=damping)
+        critical = critical_speeds_between(
+            model, over, count, damping=damping, diagram=diagram_modes
+        )
+        diagram = rotor.CampbellDiagram(np.asarray(over), diagram_modes, critical)
+    return rotor.RotorModes(model, np.asarray(spin_speeds), point_modes, free, damping, diagram)
 
 
 def _with_rotor(machine: Machine | HasMachine | Assembly) -> Assembly:
-    made = assembly_of(machine)
-    if made.rotor is None:
+    assembly = assembly_of(machine)
+    if assembly.rotor is None:
         raise BadInput("rotor", "absent", "given, for the vibration of a machine")
-    return made
+    return assembly
 
 
 def own_speeds(balancing: BalancingPlanes | None, compressor: Compressor | None):
@@ -223,4 +231,6 @@ def own_speeds(balancing: BalancingPlanes | None, compressor: Compressor | None)
     if balancing is not None:
         return balancing.speeds
     mean = getattr(getattr(compressor, "motor", None), "mean_speed", None)
-    return None if mean is None else jnp.reshape(mean, (1,))
+    if mean is None:
+        return None
+    return jnp.reshape(mean, (1,))

@@ -102,9 +102,10 @@ class RotorMotion(Result):
 
     def orbits(self) -> dict[str, WhirlOrbit]:
         """The orbit of every watched node, (o, s) in all fields."""
-        every = np.stack([*self.motion.values()])
-        found = jax.device_get(orbit(every[..., 0], every[..., 1]))
-        return {name: WhirlOrbit(*(x[i] for x in found)) for i, name in enumerate(self.motion)}
+        motions = np.stack([*self.motion.values()])
+        all_orbits = jax.device_get(orbit(motions[..., 0], motions[..., 1]))
+        rows = map(WhirlOrbit, *all_orbits)
+        return dict(zip(self.motion, rows, strict=True))
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each order and speed."""
@@ -169,7 +170,8 @@ def rotor_motion(
         BadInput: a node that is not there, or as `respond`.
         SingularResponse: naming the frequencies without a response.
     """
-    design, speeds = machine_of(machine), np.asarray(spin_speeds, float)
+    design = machine_of(machine)
+    speeds = np.asarray(spin_speeds, float)
     model = _model(design, speeds if over is None else np.union1d(speeds, over))
     watched = _watched(design, model, nodes)
 
@@ -179,33 +181,31 @@ def rotor_motion(
 
     response = answer(design, speeds).checked()
     forces = np.asarray(transmitted_forces(model, response))
-    links = {
-        _link_name(design, i): {
-            axis: forces[:, :, i, k] for k, axis in enumerate(AXES[model.dof]) if axis in link.axes
-        }
-        for i, link in enumerate(model.links)
-    }
+    links = {}
+    for number, link in enumerate(model.links):
+        axes = [(k, axis) for k, axis in enumerate(AXES[model.dof]) if axis in link.axes]
+        if axes:
+            of_axes = {axis: forces[:, :, number, k] for k, axis in axes}
+            links[_link_name(design, number)] = of_axes
     curves = linearised = None
     if over is not None:
-        found = answer(design, np.asarray(over))
-        major = np.where(np.asarray(found.ok), _major(_relative(found, watched)), np.nan)
+        over_range = answer(design, np.asarray(over))
+        major = np.where(np.asarray(over_range.ok), _major(_relative(over_range, watched)), np.nan)
         curves = MotionOverSpeed(orders, np.asarray(over), dict(zip(watched, major, strict=True)))
     if moving := _moving_films(design):
-        linearised = {
-            place: _linearised(
-                with_film_linearisation(design, place), speeds, answer, watched, moving
-            )
-            for place in ("mean_load", "orbit")
-        }
+        linearised = {}
+        for place in ("mean_load", "orbit"):
+            other = with_film_linearisation(design, place)
+            linearised[place] = _linearised(other, speeds, answer, watched, moving)
     return RotorMotion(
-        model,
-        response,
-        orders,
-        speeds,
-        dict(zip(watched, _relative(response, watched), strict=True)),
-        {name: link for name, link in links.items() if link},
-        curves,
-        linearised,
+        model=model,
+        response=response,
+        orders=orders,
+        speeds=speeds,
+        motion=dict(zip(watched, _relative(response, watched), strict=True)),
+        forces=links,
+        curves=curves,
+        linearised=linearised,
     )
 
 
@@ -226,22 +226,23 @@ def _watched(design: Machine, model: RotorModel, nodes: Sequence[str]) -> _Watch
     if nodes or planes is None:
         return {name: (places[name], -1) for name in nodes or places}
     watched = {}
-    for one in planes.targets:
+    for target in planes.targets:
         base = -1
         apart = ""
-        if one.relative_to is not None:
-            base = names.index(one.relative_to)
-            apart = f" from {one.relative_to}"
-        watched[f"{one.name} ({one.node}{apart})"] = names.index(one.node), base
+        if target.relative_to is not None:
+            base = names.index(target.relative_to)
+            apart = f" from {target.relative_to}"
+        watched[f"{target.name} ({target.node}{apart})"] = names.index(target.node), base
     return watched
 
 
 def _relative(response: Response, watched: _Watched) -> Complex[np.ndarray, "w o s dof"]:
     """Motion of the watched nodes relative to their bases."""
-    x = np.asarray(response.displacement)
-    ground = np.concatenate([x, np.zeros_like(x[..., :1, :])], -2)
-    nodes, bases = (np.array(places) for places in zip(*watched.values(), strict=True))
-    return np.moveaxis(ground[..., nodes, :] - ground[..., bases, :], -2, 0)
+    motion = np.asarray(response.displacement)
+    # the ground, which rests, as the last node: -1 is the base of what is relative to nothing
+    motion = np.concatenate([motion, np.zeros_like(motion[..., :1, :])], -2)
+    nodes, bases = np.array(list(watched.values())).T
+    return np.moveaxis(motion[..., nodes, :] - motion[..., bases, :], -2, 0)
 
 
 def _major(motion: Complex[np.ndarray, "w o s dof"]) -> Float[np.ndarray, "w o s"]:
@@ -250,12 +251,13 @@ def _major(motion: Complex[np.ndarray, "w o s dof"]) -> Float[np.ndarray, "w o s
 
 def _moving_films(design: Machine) -> dict[int, str]:
     """Names of the rotor's bearings whose journals move in their films, by number of the link."""
-    names = {number: _bearing_name(design, number) for number in open_films(design.parts["rotor"])}
-    return {
-        number: name
-        for number, name in names.items()
-        if isinstance(one := design.bearings.get(name), JournalBearing) and one.moves
-    }
+    moving = {}
+    for number in open_films(design.parts["rotor"]):
+        name = _bearing_name(design, number)
+        bearing = design.bearings.get(name)
+        if isinstance(bearing, JournalBearing) and bearing.moves:
+            moving[number] = name
+    return moving
 
 
 def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
@@ -281,4 +283,6 @@ def _link_name(design: Machine, number: int) -> str:
     first, second = rotor.links[number].nodes
     bearing = _bearing_name(design, number)
     name = f"{number}: {first} to {'ground' if second is None else second}"
-    return f"{name}, {bearing}" if bearing else name
+    if bearing:
+        name += f", {bearing}"
+    return name

@@ -56,14 +56,12 @@ class Spring(Part):
     def law(self) -> ConstantLaw:
         """Stiffness and damping in the axes of the mechanism."""
         axis = self.axis / jnp.linalg.norm(self.axis)
-        along = jnp.outer(axis, axis)
-        return ConstantLaw(*(
-            axial * along + lateral * (jnp.eye(3) - along)
-            for axial, lateral in (
-                (self.axial_stiffness, self.lateral_stiffness),
-                (self.axial_damping, self.lateral_damping),
-            )
-        ))  # fmt: skip
+        # projectors onto the axis and onto the plane across it
+        on_axis = jnp.outer(axis, axis)
+        on_plane = jnp.eye(3) - on_axis
+        stiffness = self.axial_stiffness * on_axis + self.lateral_stiffness * on_plane
+        damping = self.axial_damping * on_axis + self.lateral_damping * on_plane
+        return ConstantLaw(stiffness, damping)
 
 
 class Suspension(Part):
@@ -94,11 +92,13 @@ class Suspension(Part):
         """The block as a rigid body that springs tie to the ground, a model of 6 degrees of freedom."""
         names = tuple(f"spring_{number}" for number in range(len(self.springs)))
         tensor = jnp.diag(jnp.stack([self.inertia_x, self.inertia_y, self.inertia_z]))
-        arms = [spring.position - self.mass_centre for spring in self.springs]
-        arm = jnp.stack(arms) if arms else jnp.zeros((0, 3))
+        arm = jnp.zeros((0, 3))
+        if self.springs:
+            arm = jnp.stack([spring.position - self.mass_centre for spring in self.springs])
         body = RigidBody("mass_centre", names, arm, self.mass, tensor)
-        links = (Link((name, None), spring.law, ("ux", "uy", "uz"))
-                 for name, spring in zip(names, self.springs, strict=True))  # fmt: skip
+        links = []
+        for name, spring in zip(names, self.springs, strict=True):
+            links.append(Link((name, None), spring.law, ("ux", "uy", "uz")))
         nodes = ("mass_centre", *names)
         return RotorModel(bodies=(body,), links=tuple(links), dof=6, nodes=nodes)
 

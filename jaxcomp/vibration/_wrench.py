@@ -66,14 +66,15 @@ def _in_plane(force: Float[Array, "2 *n"], moment: Float[Array, "*n"]) -> Wrench
 def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     # U = w^2 cos + a sin, V = w^2 sin - a cos
     _, second = rotating(*state)
-    u, v = -second[0], -second[1]
-    along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
-    across = mechanism.slider_mass * mechanism.crank_radius
+    u = -second[0]
+    v = -second[1]
+    static_moment_along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
+    static_moment_across = mechanism.slider_mass * mechanism.crank_radius
     arm = -mechanism.offset - mechanism.piston_centre_offset
     turning = mechanism.piston_mass * mechanism.crank_radius * arm * u
-    moment = turning - across * mechanism.crank_radius * state.acceleration
+    moment = turning - static_moment_across * mechanism.crank_radius * state.acceleration
     # Eq. (40) but for J_z and the crankshaft's unbalance, which the compressor adds.
-    return _in_plane(jnp.stack([along * u, across * v]), moment)
+    return _in_plane(jnp.stack([static_moment_along * u, static_moment_across * v]), moment)
 
 
 @shaking_wrench.register
@@ -98,8 +99,8 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
 @shaking_wrench.register
 def _(compressor: Compressor, state: CrankState) -> Wrench:
     crankshaft = compressor.crankshaft
-    own = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
-    each = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), own)
+    cylinder_state = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
+    each = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), cylinder_state)
     second = Vector(*rotating(*state)[1])
     pulls = crankshaft.crank_pulls(second, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
     pull, tilting = (vector.stacked() for vector in pulls)

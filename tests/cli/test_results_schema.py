@@ -9,7 +9,7 @@ from helpers import results_validator
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from jaxcomp._core.nested import Said, with_units
+from jaxcomp._core.nested import UnitNote, with_units
 from jaxcomp.cli import app
 from jaxcomp.cli._units import COMMANDS, results_schema, table_of
 
@@ -114,7 +114,7 @@ def units_in(table):
     for told in table.values():
         if not isinstance(told, str):
             yield from units_in(told)
-        elif not isinstance(told, Said):
+        elif not isinstance(told, UnitNote):
             yield told
 
 

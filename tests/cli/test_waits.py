@@ -47,14 +47,14 @@ def test_what_is_kept_is_told_and_shown_by_a_spinner(told, monkeypatch, capsys):
             self.seen.append(text)
 
     shown = Status()
-    monkeypatch.setattr(_waits._Compiles, "told", True)
+    monkeypatch.setattr(_waits._Compiles, "announced", True)
     monkeypatch.setattr(_waits._Compiles, "machine", "r290-6cc")
-    with _waits.compiling(10**6, kept=True):
+    with _waits.compiling(10**6, cached=True):
         pass
     words = "compiling the results of r290-6cc, about 40 s; later starts are quicker"
     assert capsys.readouterr().err == f"jaxcomp: {words}\n"
     monkeypatch.setattr(_waits._Compiles, "status", shown)
-    with _waits.compiling(10**6, kept=True):
+    with _waits.compiling(10**6, cached=True):
         assert shown.status == f"C{words[1:]} ..."
     assert shown.status == "Solving ..."
     assert not capsys.readouterr().err

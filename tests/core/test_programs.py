@@ -57,11 +57,11 @@ def test_a_program_is_found_again(folder, hits):
     with _programs.compiled_anew():
         ask()
     assert len(hits) == 1
-    state = _programs.kept()
+    state = _programs.cache_status()
     assert (state.folder, state.programs) == (folder, 1)
     assert state.size == entries(folder)[0].stat().st_size
     assert folder.stat().st_mode & 0o777 == 0o700
-    _programs.forget_kept()
+    _programs.empty_cache()
     assert not entries(folder)
 
 
@@ -132,7 +132,7 @@ def test_keeping_is_switched_off(folder, monkeypatch, value):
     monkeypatch.setenv("JAXCOMP_CACHE", value)
     ask()
     assert not folder.exists()
-    assert _programs.kept() == (None, "JAXCOMP_CACHE is off", 0, 0)
+    assert _programs.cache_status() == (None, "JAXCOMP_CACHE is off", 0, 0)
 
 
 def test_a_folder_that_others_may_write_is_not_used(folder, hits, monkeypatch):
@@ -140,7 +140,7 @@ def test_a_folder_that_others_may_write_is_not_used(folder, hits, monkeypatch):
     folder.chmod(0o770)
     ask()
     assert not hits
-    assert "may be written by others" in _programs.kept().why
+    assert "may be written by others" in _programs.cache_status().why
     folder.chmod(0o700)
     entries(folder)[0].chmod(0o666)
     ask()
@@ -152,13 +152,13 @@ def test_a_folder_that_others_may_write_is_not_used(folder, hits, monkeypatch):
     monkeypatch.setattr(os, "geteuid", lambda: own + 1)
     ask()
     assert len(hits) == 1
-    assert "belongs to somebody else" in _programs.kept().why
+    assert "belongs to somebody else" in _programs.cache_status().why
 
 
 def test_a_file_where_the_folder_should_be(folder):
     folder.write_text("")
     ask()
-    assert "is of another kind" in _programs.kept().why
+    assert "is of another kind" in _programs.cache_status().why
 
 
 def test_a_full_disk_keeps_nothing_and_leaves_nothing(folder):

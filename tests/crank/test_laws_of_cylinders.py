@@ -146,11 +146,11 @@ def test_every_cylinder_has_its_own_law(scene):
     for number in (1, 2):
         alike = dataclasses.replace(
             made,
-            gas=made.gas.one(number),
+            gas=made.gas.law_of_cylinder(number),
             friction=dataclasses.replace(
                 made.friction,
-                wall=made.friction.wall.one(number),
-                crank_pin=made.friction.crank_pin.one(number),
+                wall=made.friction.wall.law_of_cylinder(number),
+                crank_pin=made.friction.crank_pin.law_of_cylinder(number),
             ),
         )
         wanted, same = at_instants(alike)
@@ -195,7 +195,7 @@ def test_the_film_of_one_pin_is_told(scene):
     assert abs(orbit.energy.residual) < 1e-12
     made = scene.as_compressor()
     assert set(film_thickness(made, orbit)) == {"crank_pin_2"}
-    assert isinstance(made.friction.crank_pin.one(2), JournalBearing)
+    assert isinstance(made.friction.crank_pin.law_of_cylinder(2), JournalBearing)
 
 
 def test_what_does_not_go_together_is_named(scene):
@@ -227,7 +227,9 @@ def test_what_does_not_go_together_is_named(scene):
     with pytest.raises(SceneError, match=r"of_cylinder.*one law for each of 2 cylinders"):
         loads(scene_text().replace("of_cylinder = [1, 2]", "of_cylinder = [1, 2, 1]"))
     changed = with_values(scene, {"friction.wall.laws.1.coefficient": 0.07})
-    assert float(changed.compressor.friction.wall.one(2).coefficient) == pytest.approx(0.07)
+    assert float(changed.compressor.friction.wall.law_of_cylinder(2).coefficient) == pytest.approx(
+        0.07
+    )
     angle = CrankAngleTable([0.0, 1.0, 2.0], [1e5, 1e5, 1e5], 1e5)
     np.testing.assert_array_equal(
         EachGas((angle, angle)).event_angles(), [angle.event_angles()] * 2

@@ -203,7 +203,7 @@ def test_a_kind_of_the_library_cannot_be_taken(tmp_path):
 def own_quantities(monkeypatch):
     """Quantities of this module, which are forgotten again."""
     monkeypatch.setattr(registry, "_registered", dict(registry._registered))
-    monkeypatch.setattr(registry, "_told", set())
+    monkeypatch.setattr(registry, "_reported", set())
     return register_quantity
 
 

@@ -17,7 +17,7 @@ from jax._src import xla_bridge
 assert not xla_bridge.backends_are_initialized(), "JAX has run something"
 assert threading.active_count() == 1
 from jaxcomp._core import progress
-assert not progress._Compiles.told, "compiling is told unasked"
+assert not progress._Compiles.announced, "compiling is told unasked"
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
