@@ -244,7 +244,7 @@ def progress_of(
 
     console = Console(stderr=True)
     if not show or not shows_waits():
-        yield Progress(text, total, finished, unit, told=float("inf"))
+        yield Progress(text, total, finished, unit, told_at=float("inf"))
     elif not console.is_terminal:
         yield Progress(text, total, finished, unit)
     else:
