@@ -18,13 +18,16 @@ _EVERY = 10.0
 # [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
 _PER_BYTE = 4e-5
 _PACKAGE = str(Path(__file__).parents[1])
-# What functions compute, in words, where it is not in their names.
+# What functions compute, in words; "the results" of all others.
 _COMPUTES = {
     "solve_orbit": "the steady state", "orbit": "the steady state", "solve_cycle": "the cycle",
     "simulate": "the motion", "sensitivity": "the gains", "gains": "the gains",
     "optimise": "the search", "pareto": "the search", "improve": "the search",
     "sweep": "the designs", "sweep_machines": "the designs", "tolerance": "the tolerances",
     "balance": "the balance", "rating_map": "the map", "identify": "the map",
+    "steady_state": "the steady state", "load_steps": "the load steps", "rotor_at": "the rotor",
+    "rotor_motion": "the vibration", "rotor_modes": "the modes", "undamped_modes": "the modes",
+    "critical_speeds": "the critical speeds", "machine_influence": "the influence of the planes",
     "compare": "the comparison", "accuracy": "the settings", "page": "the desk", "serve": "the desk",
 }  # fmt: skip
 # Files whose functions nobody calls by name.
@@ -100,9 +103,7 @@ def _called() -> str:
             if not inner:
                 name = word
         frame = frame.f_back
-    if not name:
-        return "the results"
-    return _COMPUTES.get(name, f"the {name.replace('_', ' ')}")
+    return _COMPUTES.get(name, "the results")
 
 
 def shows_waits() -> bool:
