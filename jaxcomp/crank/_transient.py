@@ -291,7 +291,7 @@ def _simulate_gas(
         replaced(compressor, gas=None),
         good,
         (time, ys, rise),
-        marched.whole,
+        marched.complete,
         (law.pace, law.energy_scale),
         stopped=marched.flags[-1] > 0,
         end_time=end,

@@ -220,7 +220,7 @@ def march_with_gas(
     pace = compressor.motor.speed_guess
     system = _system(compressor)
     gas = system.each(_at_suction, system.own_angle(angle)).ravel()
-    gas = jnp.concatenate([gas, first_states(system.shared, rest=True)])
+    gas = jnp.concatenate([gas, first_states(system.shared, at_rest=True)])
     first = {"angle": angle, "speed": speed / pace, "gas": gas}
     if journals := moving(compressor):
         first["journals"] = jnp.zeros((2, len(journals)))

@@ -244,8 +244,8 @@ def _valves(case: Case, sides: tuple[Side, Side, Side], states, flags, pace, ang
     a, b = (choose(np.array([True, False]), *pair) for pair in (sides[:2], sides[1:]))
     # the sign of the suction's difference is that of the leakage as well, with the valve shut too
     known_shut = jnp.array([case.cylinder.leakage is not None, False])
-    given = a, b, states.reshape(2, 3), flags.reshape(2, 3), known_shut
-    return mapped(partial(_valve, case, pace, angle), case.cylinder.valves, *given)
+    arguments = a, b, states.reshape(2, 3), flags.reshape(2, 3), known_shut
+    return mapped(partial(_valve, case, pace, angle), case.cylinder.valves, *arguments)
 
 
 def _valve(
@@ -256,11 +256,11 @@ def _valve(
     mode, u_sign, p_sign = flags
     lift, velocity, port_velocity = scales_of(case, valve)
     difference = (a.p - b.p) / case.suction.p
-    one, zero = jnp.ones(()), jnp.zeros(())
+    unity, zero = jnp.ones(()), jnp.zeros(())
 
     moving = valve.oscillator
-    is_open, force, v_1 = one, zero, zero
-    events = [one] * 4
+    is_open, force, v_1 = unity, zero, zero
+    events = [unity] * 4
     x_1 = -_IDLE * x
     v_1 = -_IDLE * v
     if moving is not None:
@@ -280,7 +280,7 @@ def _valve(
         x_1 = jnp.where(free, v * case.speed / pace, -_IDLE * (x - 1.0 * (mode == STOP)))
         v_1 = jnp.where(free, pull / scale, v_1)
         first = jnp.where(free, x, jnp.where(seated, -force, force))
-        events[:2] = [first, jnp.where(free, 1 - x, one)]
+        events[:2] = [first, jnp.where(free, 1 - x, unity)]
         x = place
 
     area = valve.flow_area(jnp.maximum(x, 0.0) * lift) * is_open
@@ -297,8 +297,8 @@ def _valve(
         flow = area * throat_density(a, b, p_sign, u_sign) * speed_in_port
         forward = u_sign > 0
         watched = is_open > 0
-        events[2] = jnp.where(watched, u_sign * u, one)
-        events[3] = jnp.where(watched | known_shut, p_sign * difference, one)
+        events[2] = jnp.where(watched, u_sign * u, unity)
+        events[3] = jnp.where(watched | known_shut, p_sign * difference, unity)
     enthalpy = jnp.where(forward, a.h, b.h)
     rates = jnp.stack([x_1, v_1, u_1])
     return _Valves(flow, enthalpy, rates, jnp.stack(events), force, is_open)
@@ -326,8 +326,10 @@ def _transport(cylinder, gas: GasState):
     """Viscosity and conductivity of the gas; `None` where every law has its own."""
     heat = cylinder.heat
     gap = cylinder.leakage
-    given = heat is None or (heat.viscosity is not None and heat.conductivity is not None)
-    if given and (gap is None or gap.viscosity is not None):
+    heat_has_its_own = heat is None or (
+        heat.viscosity is not None and heat.conductivity is not None
+    )
+    if heat_has_its_own and (gap is None or gap.viscosity is not None):
         return None, None
     return cylinder.fluid.transport(gas.T, gas.rho)
 
@@ -381,8 +383,8 @@ def in_angle_and_state(case: Case, law, packed: Float[Array, " m"]):
         return jnp.stack(temperature_and_density(case, packed[0], packed[1:]))
 
     def properties(inputs):
-        found = fluid.state(*inputs)
-        values = jnp.stack([getattr(found, name) for name in columns])
+        gas = fluid.state(*inputs)
+        values = jnp.stack([getattr(gas, name) for name in columns])
         return values, values
 
     def with_gas(packed, values):
@@ -394,8 +396,8 @@ def in_angle_and_state(case: Case, law, packed: Float[Array, " m"]):
     in_gas, values = jax.jacfwd(properties, has_aux=True)(inputs(packed))
     # one direction for every column, each with what it does to the gas
     along_gas = (in_gas @ jax.jacfwd(inputs)(packed)).T
-    both, push = jax.linearize(with_gas, packed, values)
-    return both, jax.vmap(push)(jnp.eye(packed.size), along_gas).T
+    linear_point, push = jax.linearize(with_gas, packed, values)
+    return linear_point, jax.vmap(push)(jnp.eye(packed.size), along_gas).T
 
 
 def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:

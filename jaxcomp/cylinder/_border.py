@@ -101,11 +101,11 @@ def answers(lines: tuple[Line | None, Line | None], waves: Waves, flows) -> Wave
 
 
 def _per_side(function, lines, waves: Waves, flows) -> Waves:
-    made = []
+    sides = []
     flows = iter(flows)
     for line, side in zip(lines, waves, strict=True):
-        made.append(None if line is None else function(line, side, next(flows)))
-    return made[0], made[1]
+        sides.append(None if line is None else function(line, side, next(flows)))
+    return sides[0], sides[1]
 
 
 def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> tuple[Both, Array]:
@@ -156,20 +156,20 @@ def linearise(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> Borde
 def _packed(waves: Waves):
     """All unknowns of waves as a vector, those of pressures before the others, and the way back."""
     pressures = [side.pressure for side in waves if side is not None]
-    others = [side[1:] for side in waves if side is not None]
-    vector, back = ravel_pytree((pressures, others))
+    behind_pressures = [side[1:] for side in waves if side is not None]
+    vector, back = ravel_pytree((pressures, behind_pressures))
 
     def unpacked(vector) -> Waves:
-        pressures, others = back(vector)
-        sides = iter(zip(pressures, others, strict=True))
-        made = []
+        pressures, behind_pressures = back(vector)
+        sides = iter(zip(pressures, behind_pressures, strict=True))
+        unpacked_sides = []
         for side in waves:
             if side is None:
-                made.append(None)
+                unpacked_sides.append(None)
                 continue
-            pressure, rest = next(sides)
-            made.append(SideWaves(pressure, *rest))
-        return made[0], made[1]
+            pressure, following = next(sides)
+            unpacked_sides.append(SideWaves(pressure, *following))
+        return unpacked_sides[0], unpacked_sides[1]
 
     return vector, unpacked
 
@@ -192,18 +192,18 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"]):
             parts.append(answer)
         return _packed((parts[0], parts[1]))[0]
 
-    def whole(waves):
+    def all_answers(waves):
         return _packed(answers(lines, waves, system.of_sides(flows)))[0]
 
     by_flow = -jax.jacfwd(lambda flows: with_responses(waves, flows))(flows)
     by_waves = jnp.eye(vector.size)
-    others = vector.size - pressures
-    if not others:
+    behind_pressures = vector.size - pressures
+    if not behind_pressures:
         return by_flow, by_waves
     drops = sum(side.drops.size for side in waves if side is not None)
 
-    def moved(function, others):
-        return function(unpacked(jnp.concatenate([vector[:pressures], others])))
+    def moved(function, behind_pressures):
+        return function(unpacked(jnp.concatenate([vector[:pressures], behind_pressures])))
 
     if drops:
         # the responses do not depend on the drops, and are not solved for each of them
@@ -213,8 +213,8 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"]):
     if places.size:
 
         def at_few(few):
-            others = vector[pressures:].at[places].set(few)
-            return moved(whole, others)
+            behind_pressures = vector[pressures:].at[places].set(few)
+            return moved(all_answers, behind_pressures)
 
         few = jax.jacfwd(at_few)(vector[pressures:][places])
         columns = pressures + places
@@ -243,22 +243,22 @@ def _columns(system: Cylinders, factors: Factors, slopes: Slopes, width) -> Floa
     k = slopes.event.shape[-1]
     rule = gauss(s)
     basis = slopes.basis[:, :s].reshape(panels, s * k, -1)
-    last = slopes.basis[:, s]
+    basis_at_ends = slopes.basis[:, s]
     integral = jnp.asarray(rule.integral)
-    given = jnp.einsum("p,ij,pjnk->pinjk", width, integral, slopes.state[:, :s])
-    given = given.reshape(panels, s * n, s * k)
+    pushed_nodes = jnp.einsum("p,ij,pjnk->pinjk", width, integral, slopes.state[:, :s])
+    pushed_nodes = pushed_nodes.reshape(panels, s * n, s * k)
     ends = jnp.einsum("p,j,pjnk->pnjk", width, jnp.asarray(rule.weights), slopes.state[:, :s])
-    nodes = solve_stages(factors.stages, given)
+    nodes = solve_stages(factors.stages, pushed_nodes)
     own_nodes = nodes @ basis
     own_ends = (factors.out @ nodes + ends.reshape(panels, n, s * k)) @ basis
-    pushed = jnp.einsum("pk,pkc->pc", slopes.event, last)
+    pushed = jnp.einsum("pk,pkc->pc", slopes.event, basis_at_ends)
     pulled = jnp.einsum("pn,pnc->pc", factors.gradient, own_ends)
     own_edge = -factors.share[:, None] * (pushed + pulled)
     own_end = own_ends + factors.by_edge[:, :, None] * own_edge[:, None]
-    own = jnp.concatenate([factors.jump @ own_end, own_edge[:, None]], axis=1)
-    after = _around(factors.maps, own)
+    panel_ends = jnp.concatenate([factors.jump @ own_end, own_edge[:, None]], axis=1)
+    after = _around(factors.maps, panel_ends)
     states = jnp.roll(after, 1, axis=0).at[0, n].set(0.0)
-    edges = jnp.concatenate([states[:, n], jnp.zeros((1, own.shape[-1]))])
+    edges = jnp.concatenate([states[:, n], jnp.zeros((1, panel_ends.shape[-1]))])
     inputs = jnp.concatenate([states, edges[1:, None]], axis=1)
     points = factors.nodes @ inputs + own_nodes
     points = points.reshape(panels, s, n, -1)
@@ -281,7 +281,9 @@ def _moved_harmonics(slopes: Slopes, observed, edges):
     return moved + jnp.einsum("poh,pc->ohc", of_right, edges[1:])
 
 
-def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m c"]) -> Float[Array, "p m c"]:
+def _around(
+    maps: Float[Array, "p m m"], panel_ends: Float[Array, "p m c"]
+) -> Float[Array, "p m c"]:
     """The ends of all panels where each follows from the one before, of many columns."""
     size = maps.shape[-1]
 
@@ -290,22 +292,22 @@ def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m c"]) -> Float[Ar
         after = matrix @ before
         return after.at[:, size:].add(columns), None
 
-    start = jnp.eye(size, size + own.shape[-1])
-    whole, _ = lax.scan(pass_panel, start, (maps, own))
-    first = jnp.linalg.solve(jnp.eye(size) - whole[:, :size], whole[:, size:])
+    start = jnp.eye(size, size + panel_ends.shape[-1])
+    revolution, _ = lax.scan(pass_panel, start, (maps, panel_ends))
+    first = jnp.linalg.solve(jnp.eye(size) - revolution[:, :size], revolution[:, size:])
 
     def follow(before, panel):
         matrix, columns = panel
         after = matrix @ before + columns
         return after, after
 
-    return lax.scan(follow, first, (maps, own))[1]
+    return lax.scan(follow, first, (maps, panel_ends))[1]
 
 
-def solve_bordered(linear: Bordered, given: Both) -> Both:
-    """Solve the linearised equations; linear in `given`."""
-    vector, unpacked = _packed(given.waves)
-    alone = solve_factors(linear.factors, given.panels)
+def solve_bordered(linear: Bordered, right_hand_side: Both) -> Both:
+    """Solve the linearised equations; linear in `right_hand_side`."""
+    vector, unpacked = _packed(right_hand_side.waves)
+    alone = solve_factors(linear.factors, right_hand_side.panels)
     slopes = linear.slopes
     s = slopes.observed.shape[1]
     observed = jnp.einsum("pjon,pjn->pjo", slopes.by_state, alone.points[:, :s])
@@ -322,8 +324,12 @@ def solve_bordered(linear: Bordered, given: Both) -> Both:
     pushed = jnp.einsum("pjnk,pjk->pjn", slopes.state[:, :s], pressures[:, :s])
     points = jnp.einsum("p,ij,pjn->pin", linear.widths, integral, pushed)
     events = jnp.einsum("pk,pk->p", slopes.event, pressures[:, s])
-    both = Residual(given.panels.points + points, given.panels.ends, given.panels.events - events)
-    return Both(solve_factors(linear.factors, both), unpacked(waves))
+    panels = Residual(
+        right_hand_side.panels.points + points,
+        right_hand_side.panels.ends,
+        right_hand_side.panels.events - events,
+    )
+    return Both(solve_factors(linear.factors, panels), unpacked(waves))
 
 
 class BorderReport(NamedTuple):
@@ -338,13 +344,13 @@ class BorderReport(NamedTuple):
 def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int):
     """The periodic cycle with its waves near a start, with its report."""
 
-    def falling(size, last, steps):
-        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
+    def falling(size, previous_size, steps):
+        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * previous_size))
         return going & (size < LOST) & (steps < max_steps)
 
     def going_on(carry):
-        _, size, last, steps, _, _ = carry
-        return falling(size, last, steps) & mesh.fits
+        _, size, previous_size, steps, _, _ = carry
+        return falling(size, previous_size, steps) & mesh.fits
 
     counts = jnp.ones(start.panels.left.shape[1]).at[system.columns(4, 7)].set(0.0)
 
@@ -356,36 +362,46 @@ def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int
         return jnp.where(jnp.isfinite(size), size, 2 * LOST)
 
     def advance(carry):
-        both, _, _, steps, first, _ = carry
-        left, _ = evaluate(system, mesh, *both)
-        linear = linearise(system, mesh, *both)
+        unknowns, _, _, steps, first, _ = carry
+        remainder, _ = evaluate(system, mesh, *unknowns)
+        linear = linearise(system, mesh, *unknowns)
 
         def fast(carry):
-            _, _, size, last, count, _, _ = carry
-            again = (size > tolerance) & (size < FAST * last) & (count <= MOST_WITH_ONE)
-            return again | (count == 0)
+            _, _, size, previous_size, count, _, _ = carry
+            shrinks_fast = (
+                (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
+            )
+            return shrinks_fast | (count == 0)
 
         def step(carry):
-            both, left, last, _, count, moved, _ = carry
-            step = solve_bordered(linear, jax.tree.map(jnp.negative, left))
+            unknowns, remainder, previous_size, _, count, moved, _ = carry
+            step = solve_bordered(linear, jax.tree.map(jnp.negative, remainder))
             size = size_of(step)
-            both = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), both, step)
-            left, events = evaluate(system, mesh, *both)
+            unknowns = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), unknowns, step)
+            remainder, events = evaluate(system, mesh, *unknowns)
             moved = jax.tree.map(lambda a, b: jnp.where(count == 0, a, b), step.waves, moved)
-            return both, left, size, last, count + 1, moved, branches_hold(both.panels, events)
+            return (
+                unknowns,
+                remainder,
+                size,
+                previous_size,
+                count + 1,
+                moved,
+                branches_hold(unknowns.panels, events),
+            )
 
         endless = jnp.asarray(jnp.inf)
-        begin = (both, left, endless, endless, none, first, jnp.asarray(False))
-        both, _, size, before, _, moved, good = lax.while_loop(fast, step, begin)
+        begin = (unknowns, remainder, endless, endless, none, first, jnp.asarray(False))
+        unknowns, _, size, before, _, moved, good = lax.while_loop(fast, step, begin)
         first = jax.tree.map(lambda a, b: jnp.where(steps == 0, a, b), moved, first)
-        return both, size, before, steps + 1, first, good
+        return unknowns, size, before, steps + 1, first, good
 
     none = jnp.zeros((), int)
-    nothing = jax.tree.map(jnp.zeros_like, start.waves)
-    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, nothing, jnp.asarray(False))
-    both, size, _, steps, first, good = lax.while_loop(going_on, advance, begin)
-    good = good & keeps_within(system, mesh, both.panels)
-    return both, BorderReport(size, steps, good, first)
+    no_change = jax.tree.map(jnp.zeros_like, start.waves)
+    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, no_change, jnp.asarray(False))
+    unknowns, size, _, steps, first, good = lax.while_loop(going_on, advance, begin)
+    good = good & keeps_within(system, mesh, unknowns.panels)
+    return unknowns, BorderReport(size, steps, good, first)
 
 
 def limited(system: Cylinders, before: Waves, change: Waves) -> Waves:
@@ -406,15 +422,15 @@ class AttachedWaves(AbstractRoot):
 
     system: Cylinders
     mesh: Mesh
-    found: Both
+    solution: Both
 
     def solve(self):
-        return self.found
+        return self.solution
 
     def residual(self, unknowns):
-        left = evaluate(self.system, self.mesh, *unknowns)[0]
+        remainder = evaluate(self.system, self.mesh, *unknowns)[0]
         # a line without pipes is no leaf, as an equation that nothing moves would be
-        return left.panels, _packed(left.waves)[0]
+        return remainder.panels, _packed(remainder.waves)[0]
 
     def newton_correction(self, unknowns, residual):
         linear = linearise(self.system, self.mesh, *unknowns)

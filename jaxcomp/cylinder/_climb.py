@@ -66,8 +66,8 @@ class Climb:
             rows: numbers of the designs.
             events: (rows,) of each, as `events_without_room` counts them.
         """
-        for row, seen in zip(rows, np.atleast_1d(np.asarray(events)), strict=True):
-            self._rung[row] = self._next_rung(self._rung[row], seen)
+        for row, event_count in zip(rows, np.atleast_1d(np.asarray(events)), strict=True):
+            self._rung[row] = self._next_rung(self._rung[row], event_count)
 
     def _next_rung(self, rung: int, events: int) -> int:
         """The next size that has room for the events; the top for a design that needs none."""

@@ -46,8 +46,8 @@ def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns) -> tuple[Residual, Arra
     """The equations of the periodic cycle, and the event functions."""
 
     def law(angle, state, flags):
-        found = system.rates(angle, state, flags)
-        return found.state, found.events
+        rates = system.rates(angle, state, flags)
+        return rates.state, rates.events
 
     slopes, events = at_points(law, mesh, z)
     return residual(system, mesh, z, slopes, events), events
@@ -97,7 +97,7 @@ def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state
     slope, events = values
     by_state, by_angle = slopes_of_state
     events_by_state, events_by_angle = slopes_of_events
-    left = residual(system, mesh, z, slope, events)
+    remainder = residual(system, mesh, z, slope, events)
     slope = slope[:, :s]
     by_state = by_state[:, :s]
     by_angle = by_angle[:, :s]
@@ -130,7 +130,7 @@ def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state
         jnp.take_along_axis(gradient, which, axis=1)[:, 0],
         mesh.event >= 0,
     )
-    return left, blocks, events
+    return remainder, blocks, events
 
 
 class Factors(NamedTuple):
@@ -186,7 +186,7 @@ def _product(a, b):
     return jnp.sum(a[:, :, None] * b[None], axis=1)
 
 
-def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m"]) -> Float[Array, "p m"]:
+def _around(maps: Float[Array, "p m m"], panel_ends: Float[Array, "p m"]) -> Float[Array, "p m"]:
     """The ends x of all panels where each follows from the one before, x_p = A_p x_(p-1) + b_p."""
 
     def pass_panel(before, panel):
@@ -197,36 +197,40 @@ def _around(maps: Float[Array, "p m m"], own: Float[Array, "p m"]) -> Float[Arra
 
     size = maps.shape[-1]
     start = jnp.eye(size, size + 1, k=1)
-    whole, _ = lax.scan(pass_panel, start, (maps, own))
-    first = jnp.linalg.solve(jnp.eye(size) - whole[:, 1:], whole[:, 0])
+    revolution, _ = lax.scan(pass_panel, start, (maps, panel_ends))
+    first = jnp.linalg.solve(jnp.eye(size) - revolution[:, 1:], revolution[:, 0])
 
     def follow(before, panel):
         matrix, vector = panel
         after = _product(matrix, before[:, None])[:, 0] + vector
         return after, after
 
-    return lax.scan(follow, first, (maps, own))[1]
+    return lax.scan(follow, first, (maps, panel_ends))[1]
 
 
-def solve_factors(factors: Factors, given: Residual) -> Unknowns:
-    """Solve the linearised equations; linear in `given`, whose part is kept apart for that reason."""
-    panels = given.points.shape[0]
-    s = given.points.shape[1] - 1
-    n = given.points.shape[2]
-    own_nodes = solve_stages(factors.stages, given.points[:, :s].reshape(panels, s * n, 1))
-    own_ends = (factors.out @ own_nodes)[:, :, 0] + given.points[:, -1]
-    own_edge = factors.share * (given.events - jnp.sum(factors.gradient * own_ends, axis=1))
+def solve_factors(factors: Factors, right_hand_side: Residual) -> Unknowns:
+    """Solve the linearised equations; linear in their right-hand side, which is kept apart for that."""
+    panels = right_hand_side.points.shape[0]
+    s = right_hand_side.points.shape[1] - 1
+    n = right_hand_side.points.shape[2]
+    own_nodes = solve_stages(
+        factors.stages, right_hand_side.points[:, :s].reshape(panels, s * n, 1)
+    )
+    own_ends = (factors.out @ own_nodes)[:, :, 0] + right_hand_side.points[:, -1]
+    own_edge = factors.share * (
+        right_hand_side.events - jnp.sum(factors.gradient * own_ends, axis=1)
+    )
     own_end = own_ends + factors.by_edge * own_edge[:, None]
-    own_new = jnp.einsum("pab,pb->pa", factors.jump, own_end) + given.ends
-    own = jnp.concatenate([own_new, own_edge[:, None]], axis=1)
+    own_new = jnp.einsum("pab,pb->pa", factors.jump, own_end) + right_hand_side.ends
+    panel_ends = jnp.concatenate([own_new, own_edge[:, None]], axis=1)
 
     # one linear operation, whose transpose goes round the other way
     maps, turned = factors.maps, jnp.roll(factors.maps[::-1], 1, axis=0).transpose(0, 2, 1)
     after = lax.custom_linear_solve(
         lambda x: x - (maps @ jnp.roll(x, 1, axis=0)[:, :, None])[:, :, 0],
-        own,
-        lambda _, given: _around(maps, given),
-        lambda _, given: _around(turned, given[::-1])[::-1],
+        panel_ends,
+        lambda _, right_hand_side: _around(maps, right_hand_side),
+        lambda _, right_hand_side: _around(turned, right_hand_side[::-1])[::-1],
     )
     states = jnp.roll(after, 1, axis=0).at[0, n].set(0.0)
     edges = jnp.concatenate([states[:, n], jnp.zeros(1)])
@@ -241,7 +245,7 @@ class NewtonReport(NamedTuple):
 
     size: Float[Array, ""]  # [-] of the last step
     steps: Int[Array, ""]  # with a Jacobian of their own
-    more: Int[Array, ""]  # steps with the Jacobian of the one before
+    chord_steps: Int[Array, ""]  # steps with the Jacobian of the one before
     holds: Bool[Array, ""]  # whether all branches hold
 
 
@@ -252,44 +256,46 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
     them.
     """
 
-    def falling(size, last, steps):
-        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * last))
+    def falling(size, previous_size, steps):
+        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * previous_size))
         return going & (size < LOST) & (steps < max_steps)
 
     def going_on(carry):
-        _, size, last, steps, _, _ = carry
-        return falling(size, last, steps) & mesh.fits
+        _, size, previous_size, steps, _, _ = carry
+        return falling(size, previous_size, steps) & mesh.fits
 
     def advance(carry):
-        z, _, _, steps, more, _ = carry
-        left, blocks, _ = linearise(system, mesh, z)
+        z, _, _, steps, chord_steps, _ = carry
+        remainder, blocks, _ = linearise(system, mesh, z)
         factors = factorise(blocks)
 
         def fast(carry):
-            _, _, size, last, count, _ = carry
-            again = (size > tolerance) & (size < FAST * last) & (count <= MOST_WITH_ONE)
-            return again | (count == 0)
+            _, _, size, previous_size, count, _ = carry
+            shrinks_fast = (
+                (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
+            )
+            return shrinks_fast | (count == 0)
 
         def step(carry):
-            z, left, last, _, count, _ = carry
-            step = solve_factors(factors, jax.tree.map(jnp.negative, left))
+            z, remainder, previous_size, _, count, _ = carry
+            step = solve_factors(factors, jax.tree.map(jnp.negative, remainder))
             # the velocity in the port of a shut valve may be anything at the start; it decides nothing
             counts = jnp.ones(z.left.shape[1]).at[system.columns(4, 7)].set(0.0)
             size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
             size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
             z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
-            left, events = evaluate(system, mesh, z)
-            return z, left, size, last, count + 1, branches_hold(z, events)
+            remainder, events = evaluate(system, mesh, z)
+            return z, remainder, size, previous_size, count + 1, branches_hold(z, events)
 
         endless = jnp.asarray(jnp.inf)
-        begin = (z, left, endless, endless, none, jnp.asarray(False))
+        begin = (z, remainder, endless, endless, none, jnp.asarray(False))
         z, _, size, before, count, good = lax.while_loop(fast, step, begin)
-        return z, size, before, steps + 1, more + count - 1, good
+        return z, size, before, steps + 1, chord_steps + count - 1, good
 
     none = jnp.zeros((), int)
     begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, jnp.asarray(False))
-    z, size, _, steps, more, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, more, good & keeps_within(system, mesh, z))
+    z, size, _, steps, chord_steps, good = lax.while_loop(going_on, advance, begin)
+    return z, NewtonReport(size, steps, chord_steps, good & keeps_within(system, mesh, z))
 
 
 def branches_hold(z: Unknowns, events) -> Bool[Array, ""]:
@@ -311,10 +317,10 @@ class Attached(AbstractRoot):
 
     system: Cylinders
     mesh: Mesh
-    found: Unknowns
+    solution: Unknowns
 
     def solve(self):
-        return self.found
+        return self.solution
 
     def residual(self, unknowns):
         return evaluate(self.system, self.mesh, unknowns)[0]

@@ -44,14 +44,14 @@ class Events(eqx.Module):
 
     def impact_speed(self, valve: int, stop: bool) -> Float[Array, ""]:
         """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
-        here = self.meets & (self.which == 4 * valve + stop)
-        return jnp.max(jnp.where(here, jnp.abs(self.speed), 0.0))
+        strikes = self.meets & (self.which == 4 * valve + stop)
+        return jnp.max(jnp.where(strikes, jnp.abs(self.speed), 0.0))
 
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
-        here = self.shuts & (self.which == 4 * valve)
-        last = jnp.argmax(jnp.where(here, self.angle, -jnp.inf))
-        return jnp.where(jnp.any(here), self.angle[last], 0.0)
+        closings = self.shuts & (self.which == 4 * valve)
+        latest = jnp.argmax(jnp.where(closings, self.angle, -jnp.inf))
+        return jnp.where(jnp.any(closings), self.angle[latest], 0.0)
 
 
 def whole_cycle(cycle) -> Iterator[Data]:
@@ -251,8 +251,8 @@ class Cycle(Result, eqx.Module):
     def energy_closure(self) -> Float[Array, ""]:
         """[-] energy that came and did not leave, over the indicated work."""
         t = self.totals
-        rest = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
-        return rest / nonzero(self.indicated_work)
+        imbalance = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
+        return imbalance / nonzero(self.indicated_work)
 
     @property
     def work_losses(self) -> dict[str, Float[Array, ""]]:
@@ -271,8 +271,8 @@ class Cycle(Result, eqx.Module):
         if self.piping_work is not None:
             named["suction piping"] = self.piping_work[0]
             named["discharge piping"] = self.piping_work[1]
-        rest = self.indicated_work - sum(named.values(), start=jnp.zeros(()))
-        return {**named, "heating": rest}
+        remainder = self.indicated_work - sum(named.values(), start=jnp.zeros(()))
+        return {**named, "heating": remainder}
 
     @property
     def volume_losses(self) -> dict[str, Float[Array, ""]]:
@@ -299,8 +299,8 @@ class Cycle(Result, eqx.Module):
             flange = over_panels(z.edges, self.flange_pressure[..., 0], bottom)
             named["suction valve"] = (1 + c) * (flange - full) / case.suction.p
             named["piping"] = (1 + c) * (1 - flange / case.suction.p)
-        rest = 1 - sum(named.values(), start=jnp.zeros(()))
-        return {**named, "heating": rest}
+        remainder = 1 - sum(named.values(), start=jnp.zeros(()))
+        return {**named, "heating": remainder}
 
     def gas(self) -> "SolvedPressure":
         """The pressure as a gas that is prescribed over the crank angle."""
@@ -382,7 +382,7 @@ class Cycle(Result, eqx.Module):
         Derivatives hold on this side of that only (see `turning_margins`), and grow with one over the
         root of the margin on the side where it touches.
         """
-        return {name: jnp.abs(one) < GRAZING for name, one in self.turning_margins.items()}
+        return {name: jnp.abs(margin) < GRAZING for name, margin in self.turning_margins.items()}
 
     @property
     def closing_angles(self) -> dict[str, Float[Array, ""]]:
@@ -396,8 +396,8 @@ def nonzero(value):
 
 def values_only(tree):
     """A copy that refuses to be differentiated: derivatives of the quasi-steady law err by per cent."""
-    numbers, others = eqx.partition(tree, eqx.is_inexact_array)
-    return eqx.combine(jax.tree.map(_refuse, numbers), others)
+    numbers, static_part = eqx.partition(tree, eqx.is_inexact_array)
+    return eqx.combine(jax.tree.map(_refuse, numbers), static_part)
 
 
 @jax.custom_jvp

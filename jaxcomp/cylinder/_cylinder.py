@@ -135,14 +135,14 @@ class Cylinder(AbstractGas):
             if self.heat is None:
                 raise ValueError("`walls` need a `heat`, by which the gas reaches them.")
             for name, line in (("suction", self.suction), ("discharge", self.discharge)):
-                given = getattr(self.walls, f"{name}_conductance")
-                if not line.plenums and not is_traced(given) and bool(given != 0):
+                conductance = getattr(self.walls, f"{name}_conductance")
+                if not line.plenums and not is_traced(conductance) and bool(conductance != 0):
                     raise ValueError(f"`walls.{name}_conductance` needs `{name}.plenums`.")
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
         self._check_piping()
-        known = known_values(self).by_dew_points()
-        for limit in (*_limits(known), *_dry_limits(known)):
+        plain_values = known_values(self).by_dew_points()
+        for limit in (*_limits(plain_values), *_dry_limits(plain_values)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
                 raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
 
@@ -426,9 +426,11 @@ def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         inside = Bound(fluid.temperature_range[0], fluid.critical_temperature, high_open=True)
         yield _Limit("suction.evaporating", line.evaporating, inside, "K", _critical(fluid))
     if has_dew_line(fluid) and line.superheat is not None and line.pressure is not None:
-        most = fluid.critical_pressure
+        critical_pressure = fluid.critical_pressure
         why = f"the critical pressure of {fluid.name}, as gas has no superheat above it"
-        yield _Limit("suction.pressure", line.pressure, Bound(0.0, most, True, True), "Pa", why)
+        yield _Limit(
+            "suction.pressure", line.pressure, Bound(0.0, critical_pressure, True, True), "Pa", why
+        )
 
 
 def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
@@ -475,11 +477,11 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         return
     boiling = _bubble(fluid, line.pressure, line.condensing)
     if line.liquid_temperature is not None:
-        most = boiling + _NEAR  # traced within `jit`, even where the bubble temperature is known
-        tools = jnp if is_traced(most) else np
-        most = tools.minimum(most, 0.9999 * fluid.critical_temperature)
+        highest = boiling + _NEAR  # traced within `jit`, even where the bubble temperature is known
+        tools = jnp if is_traced(highest) else np
+        highest = tools.minimum(highest, 0.9999 * fluid.critical_temperature)
         why = f"triple point of {fluid.name} and saturation at the discharge pressure"
-        inside = Bound(low, most)
+        inside = Bound(low, highest)
         yield _Limit("discharge.liquid_temperature", line.liquid_temperature, inside, "K", why)
     if line.subcooling is not None:
         why = f"above the triple point of {fluid.name}, {low:g} K"
@@ -574,8 +576,8 @@ class Pace(eqx.Module):
         widths = jnp.diff(self.edges)
         count = self.excess.shape[-1]
         rule = gauss(count)
-        whole = widths * (self.excess @ rule.weights)
-        before = jnp.concatenate([jnp.zeros(1), jnp.cumsum(whole)])
+        panel_lags = widths * (self.excess @ rule.weights)
+        before = jnp.concatenate([jnp.zeros(1), jnp.cumsum(panel_lags)])
         wide = widths[panel] > 0
         x = (turned - self.edges[panel]) / jnp.where(wide, widths[panel], 1.0)
         terms = rule.to_legendre @ self.excess[panel]

@@ -156,7 +156,7 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
 
 
 def _controlled(
-    whole: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
+    cylinder_before_control: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
 ) -> list[Cylinder]:
     """The ends with the unloaders and pockets that act on each."""
     unloaders = [getattr(end.suction_valve, "unloader", None) for end in cylinders]
@@ -167,13 +167,19 @@ def _controlled(
     ):
         valve = end.suction_valve
         if like is not None:
-            acts = 0.0 if whole.unloaded is None else whole.unloaded[number]
+            acts = (
+                0.0
+                if cylinder_before_control.unloaded is None
+                else cylinder_before_control.unloaded[number]
+            )
             force = jnp.zeros(()) if unloader is None else acts * unloader.force
             # Ends without one have one without a force, so that all are of one kind.
             valve = rebuilt(valve, unloader=replaced(unloader or like, force=force))
         clearance = end.clearance_ratio
-        if end.pocket is not None and whole.pockets is not None:
-            clearance += whole.pockets[number] * end.pocket.volume / piston.swept_volume
+        if end.pocket is not None and cylinder_before_control.pockets is not None:
+            clearance += (
+                cylinder_before_control.pockets[number] * end.pocket.volume / piston.swept_volume
+            )
         controlled.append(
             rebuilt(
                 end,
@@ -281,13 +287,13 @@ def between_lines(cylinder: Cylinder) -> list[Cylinder]:
     cylinder = cylinder.by_dew_points()
     coolers = [stage.cooler for stage in cylinder.later_stages]
     first = cylinder.suction.state(cylinder.fluid)
-    last = cylinder.discharge.states(cylinder.fluid, first)[0]
+    delivery = cylinder.discharge.states(cylinder.fluid, first)[0]
     suctions = [(first.p, first.T, cylinder.suction.plenums)]
     discharges = []
     for cooler, pressure in zip(coolers, cylinder.interstage_pressure, strict=True):
         suctions.append((pressure, cooler.outlet_temperature, cooler.behind))
         discharges.append((pressure + cooler.pressure_drop, cooler.before))
-    discharges.append((last.p, cylinder.discharge.plenums))
+    discharges.append((delivery.p, cylinder.discharge.plenums))
     stages = [cylinder, *cylinder.later_stages]
     return [
         _between(cylinder, *entries) for entries in zip(stages, suctions, discharges, strict=True)
@@ -385,13 +391,13 @@ def guessed_pressures(cylinder: Cylinder, mechanisms) -> Float[Array, " s"]:
             area = 2 * area - jnp.pi / 4 * end.rod_diameter**2
         swept[stage - 1] = swept[stage - 1] + area * mechanism.stroke
     first = cylinder.suction.state(cylinder.fluid)
-    last = cylinder.discharge.states(cylinder.fluid, first)[0]
+    delivery = cylinder.discharge.states(cylinder.fluid, first)[0]
     pressures = []
     for number, stage in enumerate(cylinder.later_stages, 1):
         ratio = swept[0] / swept[number] * stage.cooler.outlet_temperature / first.T
         # Between the lines, with something left for every stage.
-        share = jnp.clip(jnp.log(ratio) / jnp.log(last.p / first.p), 0.0, 1.0)
+        share = jnp.clip(jnp.log(ratio) / jnp.log(delivery.p / first.p), 0.0, 1.0)
         even = number / len(swept)
         share = jnp.clip(share, 0.5 * even, 0.5 * (1 + even))
-        pressures.append(first.p * (last.p / first.p) ** share)
+        pressures.append(first.p * (delivery.p / first.p) ** share)
     return jnp.stack(pressures)

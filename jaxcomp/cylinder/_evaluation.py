@@ -43,12 +43,12 @@ class CycleSolution(NamedTuple):
     waves: Waves | None = None  # at the flanges of pipes
 
 
-def cycle_of(system: Cylinders, found, marching: bool) -> Cycle:
-    found, points = _followed(system, found, marching)
-    pulsation = _pulsation(system, found)
-    found = found._replace(totals=found.totals[0])
+def cycle_of(system: Cylinders, solution, marching: bool) -> Cycle:
+    solution, points = _followed(system, solution, marching)
+    pulsation = _pulsation(system, solution)
+    solution = solution._replace(totals=solution.totals[0])
     points = jax.tree.map(lambda values: values[:, :, 0], points)
-    cycle = _judged(system.shared, found, points, marching)
+    cycle = _judged(system.shared, solution, points, marching)
     return cycle if pulsation is None else _with_pulsation(cycle, pulsation)
 
 
@@ -56,36 +56,43 @@ def cycles_of(system: Cylinders, found, marching: bool) -> SeveralCycles:
     """The cycle of every cylinder, by its own crank angle."""
     together, points = _followed(system, found, marching)
 
-    def one(case, phase, number, totals, points, left, accounts, pressure, *flanges):
+    def cycle_of_cylinder(
+        case, phase, number, totals, points, starts, accounts, pressure, *flanges
+    ):
         mesh = together.mesh
         z = together.z
         event = mesh.event - EVENTS * number
-        here = (event >= 0) & (event < EVENTS)
+        is_its_event = (event >= 0) & (event < EVENTS)
         flags = lax.dynamic_slice_in_dim(mesh.flags, FLAGS * number, FLAGS, axis=1)
-        mesh = Mesh(flags, jnp.where(here, event, -1), jnp.where(here, mesh.code, 0), mesh.fits)
-        z = Unknowns(points, left, z.edges + phase)
-        own = together._replace(mesh=mesh, z=z, totals=totals)
-        return _from_start(_judged(case, own, (accounts, pressure, *flanges), marching))
+        mesh = Mesh(
+            flags,
+            jnp.where(is_its_event, event, -1),
+            jnp.where(is_its_event, mesh.code, 0),
+            mesh.fits,
+        )
+        z = Unknowns(points, starts, z.edges + phase)
+        parts = together._replace(mesh=mesh, z=z, totals=totals)
+        return _from_start(_judged(case, parts, (accounts, pressure, *flanges), marching))
 
-    own = (system.of_cylinder(values) for values in together.z[:2])
+    parts = (system.of_cylinder(values) for values in together.z[:2])
     over = (jnp.moveaxis(values, 2, 0) for values in points)
     numbered = jnp.arange(system.count), together.totals
-    each = jax.vmap(one)(system.cases, system.phase, *numbered, *own, *over)
+    each = jax.vmap(cycle_of_cylinder)(system.cases, system.phase, *numbered, *parts, *over)
     return SeveralCycles(each, together, pulsation=_pulsation(system, together))
 
 
-def _pulsation(system: Cylinders, found: CycleSolution) -> Pulsation | None:
+def _pulsation(system: Cylinders, solution: CycleSolution) -> Pulsation | None:
     """Pulsation of a solution behind pipes, with all derivatives."""
-    if found.waves is None:
+    if solution.waves is None:
         return None
-    system = system.with_waves(found.waves)
+    system = system.with_waves(solution.waves)
 
     def law(angle, state, flags):
         return system.observe(system.rates(angle, state, flags).streams)
 
-    observed = at_points(law, found.mesh, found.z)[:, :-1]
-    flows = observed_harmonics(system, observed, harmonic_weights(system, found.z))
-    return Pulsation(found.waves, flows, system.shared)
+    observed = at_points(law, solution.mesh, solution.z)[:, :-1]
+    flows = observed_harmonics(system, observed, harmonic_weights(system, solution.z))
+    return Pulsation(solution.waves, flows, system.shared)
 
 
 def _with_pulsation(cycle: Cycle, pulsation: Pulsation) -> Cycle:
@@ -100,28 +107,28 @@ def _from_start(cycle: Cycle) -> Cycle:
     events = START + jnp.mod(cycle.events.angle - START, TURN)
 
     def parts(cycle):
-        more = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
+        plenums = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
         # of the flanges the panels keep their own order, as those of the pressure do
-        return *(getattr(cycle, name) for name in names), *more
+        return *(getattr(cycle, name) for name in names), *plenums
 
-    values = (one[..., order] for one in parts(cycle))
+    values = (values_at_nodes[..., order] for values_at_nodes in parts(cycle))
     cycle = eqx.tree_at(lambda c: (c.angle, c.events.angle), cycle, (angle[order], events))
     return eqx.tree_at(parts, cycle, tuple(values))
 
 
-def _followed(system: Cylinders, found: CycleSolution, marching: bool):
+def _followed(system: Cylinders, solution: CycleSolution, marching: bool):
     """A solution with its dependence on the system; accounts and pressures at all points."""
-    waves = found.waves
+    waves = solution.waves
     if waves is not None:
-        both = Both(found.z, waves)
-        followed = root(AttachedWaves(system, found.mesh, both))
+        cycle_and_waves = Both(solution.z, waves)
+        followed = root(AttachedWaves(system, solution.mesh, cycle_and_waves))
         z = followed.panels
         system = system.with_waves(followed.waves)
-        found = found._replace(waves=followed.waves)
+        solution = solution._replace(waves=followed.waves)
     else:
-        z = found.z if marching else root(Attached(system, found.mesh, found.z))
+        z = solution.z if marching else root(Attached(system, solution.mesh, solution.z))
     # where Newton's method found nothing, the last march stands
-    z = jax.tree.map(lambda new, old: jnp.where(found.solved, new, old), z, found.marched)
+    z = jax.tree.map(lambda new, old: jnp.where(solution.solved, new, old), z, solution.marched)
 
     def law(angle, state, flags):
         at = system.rates(angle, state, flags)
@@ -129,16 +136,16 @@ def _followed(system: Cylinders, found: CycleSolution, marching: bool):
             return at.accounts, at.pressure
         return at.accounts, at.pressure, system.line_pressures(angle)
 
-    return found._replace(z=z), at_points(law, found.mesh, z)
+    return solution._replace(z=z), at_points(law, solution.mesh, z)
 
 
-def _judged(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
+def _judged(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle:
     """The cycle of one cylinder, with its status."""
-    status = Status.where(found.solved, Status.converged, Status.not_converged)
-    status = Status.where(found.mesh.fits | found.solved, status, Status.too_many_events)
-    alternates = found.alternates & ~found.solved
+    status = Status.where(solution.solved, Status.converged, Status.not_converged)
+    status = Status.where(solution.mesh.fits | solution.solved, status, Status.too_many_events)
+    alternates = solution.alternates & ~solution.solved
     status = Status.where(alternates, Status.no_periodic_state, status)
-    cycle = _cycle(case, found, points, marching)
+    cycle = _cycle(case, solution, points, marching)
     no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
     status = Status.where(no_flow, Status.no_delivery, status)
     fluid = case.cylinder.fluid
@@ -148,15 +155,15 @@ def _judged(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 
-def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
+def _cycle(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle:
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
-    mesh, z = found[:2]
+    mesh, z = solution[:2]
     accounts, pressure, *flanges = points
     nodes = z.points.shape[1] - 1
     angle, width = point_angles(z.edges, nodes)
     weight = width[:, None] * gauss(nodes).weights
     totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
-    totals = found.totals if marching else jnp.where(found.solved, totals, found.totals)
+    totals = solution.totals if marching else jnp.where(solution.solved, totals, solution.totals)
     scales = account_scales(case)
 
     def flat(values):
@@ -195,16 +202,16 @@ def _cycle(case: Case, found: CycleSolution, points, marching: bool) -> Cycle:
         * case.mass_scale,
         peak_pressure=highest(pressure),
         status=Status.converged,
-        residual=found.residual,
-        iterations=found.steps,
-        revolutions=found.revolutions,
-        passes=found.passes,
+        residual=solution.residual,
+        iterations=solution.steps,
+        revolutions=solution.revolutions,
+        passes=solution.passes,
         case=case,
         solver="march" if marching else "collocation",
         raw=(mesh, z, pressure),
         plenum_pressure=_plenum_pressures(case, z.points),
-        valve_events=found.events,
-        repeats=found.repeats,
+        valve_events=solution.events,
+        repeats=solution.repeats,
         flange_pressure=flanges[0] if flanges else None,
         piping_work=_piping_work(case, mesh, weight, angle, flanges[0]) if flanges else None,
     )
@@ -238,8 +245,8 @@ def account_scales(case: Case) -> Float[Array, " 12"]:
 def _rise(case: Case, pressure):
     """[J/kg] of isentropic compression from suction to a pressure, exact at those of the lines."""
     a = 1 - 1 / case.suction.kappa
-    whole = (case.discharge.p / case.suction.p) ** a - 1
-    share = ((pressure / case.suction.p) ** a - 1) / jnp.where(whole > 1e-9, whole, jnp.inf)
+    full_rise = (case.discharge.p / case.suction.p) ** a - 1
+    share = ((pressure / case.suction.p) ** a - 1) / jnp.where(full_rise > 1e-9, full_rise, jnp.inf)
     return share * (case.isentropic.h - case.suction.h)
 
 
@@ -251,8 +258,8 @@ def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
     of_plenums = -PER_PLENUM * len(case.cylinder.plenums)
 
     def at(state):
-        both = chains(case, state[of_plenums:])
-        return jnp.stack([gas.p for chain in both for gas in chain.gases])
+        sides = chains(case, state[of_plenums:])
+        return jnp.stack([gas.p for chain in sides for gas in chain.gases])
 
     states = points[:, :-1].reshape(-1, points.shape[-1])
     return jax.vmap(at)(states).T

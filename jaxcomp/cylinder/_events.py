@@ -24,8 +24,8 @@ def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[A
     parts = [state[:2]]
     for which, valve in enumerate(case.cylinder.valves):
         x, v, u = state[2 + 3 * which : 5 + 3 * which]
-        here = (event >= 4 * which) & (event < 4 * which + 4)
-        at = jnp.where(here, code, 0)
+        is_of_valve = (event >= 4 * which) & (event < 4 * which + 4)
+        at = jnp.where(is_of_valve, code, 0)
         bounce = -getattr(valve, "restitution", jnp.zeros(())) * v
         x = jnp.where(at > 0, 1.0 * (event % 4 == 1), x)
         v = jnp.where(at == 3, bounce, jnp.where(at > 0, 0.0, v))
@@ -67,8 +67,8 @@ def longest_step(case: Case, flags):
     longest = jnp.asarray(_LONGEST)
     for which, valve in enumerate(case.cylinder.valves):
         if valve.oscillator is not None:
-            own = jnp.sqrt(valve.oscillator.stiffness / valve.oscillator.mass)
-            limit = 0.1 * 2 * np.pi * case.speed / jnp.maximum(own, 1e-9)
+            natural_frequency = jnp.sqrt(valve.oscillator.stiffness / valve.oscillator.mass)
+            limit = 0.1 * 2 * np.pi * case.speed / jnp.maximum(natural_frequency, 1e-9)
             longest = jnp.where(flags[3 * which] == FREE, jnp.minimum(longest, limit), longest)
     return longest
 
@@ -89,27 +89,27 @@ def passed(ends, slopes, width, flags, least):
     The turn by the cubic of the velocity, the lift there by the quintic: of a step of a tenth of the
     valve's period that errs by 2e-6 of the amplitude.
     """
-    found = jnp.asarray(jnp.inf)
+    earliest = jnp.asarray(jnp.inf)
     for which in range(2):
         x, v = 2 + 3 * which, 3 + 3 * which
         # the lift's rate is the velocity but for the unevenness of the crank
-        first = slopes[0][x]
-        last = slopes[1][x]
-        turns = (first * last < 0) & (flags[3 * which] == FREE)
+        first_rate = slopes[0][x]
+        last_rate = slopes[1][x]
+        turns = (first_rate * last_rate < 0) & (flags[3 * which] == FREE)
         change = jnp.where(turns, ends[1][v] - ends[0][v], 1.0)
-        pace = (last - first) / change
+        pace = (last_rate - first_rate) / change
         bends = slopes[0][v] * pace, slopes[1][v] * pace
-        t = first / jnp.where(turns, first - last, 1.0)
+        t = first_rate / jnp.where(turns, first_rate - last_rate, 1.0)
         for _ in range(
             3
         ):  # secant steps: an error of the instant of reversal counts with its square
-            rate = cubic_step(t, width, (first, last), bends)
-            t = jnp.clip(t + rate / jnp.where(turns, first - last, 1.0), 0.0, 1.0)
-        top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first, last), bends)
-        excess = jnp.where(first > 0, top - 1, -top)
+            rate = cubic_step(t, width, (first_rate, last_rate), bends)
+            t = jnp.clip(t + rate / jnp.where(turns, first_rate - last_rate, 1.0), 0.0, 1.0)
+        top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first_rate, last_rate), bends)
+        excess = jnp.where(first_rate > 0, top - 1, -top)
         beyond = turns & (excess > least)
         # before the valve reverses, where three quarters of the excess are reached on the way there
-        bend = jnp.abs((last - first) / width)
+        bend = jnp.abs((last_rate - first_rate) / width)
         back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
-        found = jnp.minimum(found, jnp.where(beyond, jnp.maximum(t - back, 0.5 * t), jnp.inf))
-    return found
+        earliest = jnp.minimum(earliest, jnp.where(beyond, jnp.maximum(t - back, 0.5 * t), jnp.inf))
+    return earliest

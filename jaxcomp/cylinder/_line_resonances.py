@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from ..piping import resonances
 from ._cylinder import Cylinder, prepare
-from ._waves import lines_of, still
+from ._waves import lines_of, waves_at_rest
 
 
 class LineResonance(NamedTuple):
@@ -37,13 +37,13 @@ def line_resonances(
         highest: [Hz] up to which they are sought.
     """
     case = prepare(cylinder, mechanism, speed)
-    found = []
-    for side, (line, waves) in enumerate(zip(lines_of(case), still(cylinder), strict=True)):
+    named = []
+    for side, (line, waves) in enumerate(zip(lines_of(case), waves_at_rest(cylinder), strict=True)):
         if line is None or waves is None:
             continue
         gas = line.gas(waves.temperature)
         at_line = resonances(line.network(gas), gas, highest)
         name = ("suction", "discharge")[side]
         for frequency, quality in zip(at_line.frequency, at_line.quality, strict=True):
-            found.append(LineResonance(name, frequency, quality))
-    return found
+            named.append(LineResonance(name, frequency, quality))
+    return named

@@ -186,8 +186,10 @@ def _pressure(fluid, pressure, dew, superheat=None):
     if pressure is None or superheat is not None:
         if not has_dew_line(fluid):
             raise ValueError("a rating point by dew temperatures needs a real gas with a dew line.")
-        found = fluid.saturation(p=pressure) if pressure is not None else fluid.saturation(T=dew)
-        return found.p, found.T
+        saturation = (
+            fluid.saturation(p=pressure) if pressure is not None else fluid.saturation(T=dew)
+        )
+        return saturation.p, saturation.T
     return pressure, None
 
 

@@ -111,7 +111,7 @@ class Stretch(NamedTuple):
     steps: Int[Array, ""]  # taken
     passes: Int[Array, ""]  # tried, those that were rejected or located an event included
     ended: Bool[Array, ""]  # whether the end was reached, or the march was over before
-    whole: Bool[Array, ""]  # whether all steps were kept as well
+    complete: Bool[Array, ""]  # whether all steps were kept as well
     record: Record  # the steps
 
 
@@ -156,7 +156,7 @@ def stretch(
         steps=end.steps,
         passes=end.passes,
         ended=ended,
-        whole=ended & (end.steps <= capacity),
+        complete=ended & (end.steps <= capacity),
         record=jax.tree.map(lambda rows: rows[:capacity], end.record),
     )
 
@@ -337,8 +337,8 @@ def _sought(
     halve = (search.tries % 3 == 2) | (at_low[first] <= route.at_event)
     fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
     closer = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
-    found = jax.tree.map(partial(jnp.where, verdict.seeking), closer, _no_search(events))
-    return found, low + fraction * (high - low)
+    following = jax.tree.map(partial(jnp.where, verdict.seeking), closer, _no_search(events))
+    return following, low + fraction * (high - low)
 
 
 def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
@@ -349,22 +349,22 @@ def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
     # the width of a step that ends at an event says nothing of the error
     proposed = jnp.where(seeks, carry.next_width, carry.width * factor)
     proposed = jnp.minimum(proposed, longest)
-    left = _ahead(angle, route.stop, route.knots)
-    ahead = jnp.minimum(proposed, left)
+    distance = _ahead(angle, route.stop, route.knots)
+    ahead = jnp.minimum(proposed, distance)
     # a step that leaves a sliver would end in one of no width
-    return jnp.where((left - ahead < 1e-9) & (left - ahead > 0), left, ahead), proposed
+    return jnp.where((distance - ahead < 1e-9) & (distance - ahead > 0), distance, ahead), proposed
 
 
 def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code) -> Record:
     """The record with a step that was taken; others go into the row that is thrown away."""
-    kept = route.law.kept
+    recorded_states = route.law.kept
     slopes = tried.slopes
     states = (carry.state, tried.state)
     rates = (slopes[0], slopes[6])
     entry = Record(
         carry.angle,
         carry.width,
-        *(one[:kept] for one in (*states, *rates)),
+        *(values[:recorded_states] for values in (*states, *rates)),
         carry.flags,
         event,
         code,
@@ -380,10 +380,10 @@ def _no_search(events) -> _Search:
 
 def _ahead(angle, stop, knots: tuple):
     """[rad] To the end or to the next knot."""
-    left = stop - angle
+    distance = stop - angle
     for knot in knots:
-        left = jnp.where(knot > angle + _AT_KNOT, jnp.minimum(left, knot - angle), left)
-    return left
+        distance = jnp.where(knot > angle + _AT_KNOT, jnp.minimum(distance, knot - angle), distance)
+    return distance
 
 
 def empty_record(rows: int, states: int, count: int) -> Record:

@@ -177,4 +177,4 @@ class CycleOptions(eqx.Module):
 def may_lack_room(status: Status) -> Bool[Array, "*n"]:
     """Whether a cycle that ended so may be found in a larger size."""
     lacking = (Status.too_many_events, Status.not_converged)
-    return jnp.any(jnp.stack([status == one for one in lacking]), axis=0)
+    return jnp.any(jnp.stack([status == outcome for outcome in lacking]), axis=0)

@@ -130,8 +130,10 @@ class SolvedPressure(AbstractGas):
     def pressure(self, stroke):
         if self.edges.ndim == 1:
             return over_panels(self.edges, self.values, stroke.angle)
-        own = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
-        return jax.vmap(lambda one, angle: over_panels(one.edges, one.values, angle))(self, own)
+        angles = jnp.broadcast_to(stroke.angle, (self.edges.shape[0], *stroke.angle.shape[1:]))
+        return jax.vmap(
+            lambda cylinder, angle: over_panels(cylinder.edges, cylinder.values, angle)
+        )(self, angles)
 
 
 def over_panels(
@@ -165,8 +167,8 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
     column = jnp.clip(column, 1, x.size - 2)
-    before, here, after = (samples[panel, column + i] for i in (-1, 0, 1))
-    bend = before - 2 * here + after
+    before, middle, after = (samples[panel, column + i] for i in (-1, 0, 1))
+    bend = before - 2 * middle + after
     shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
     place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
     return legendre_columns(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
@@ -199,7 +201,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     count = z.points.shape[1]
     slope = legendre.legvander([1.0], count - 1)
     slope = np.array([k * (k + 1) for k in range(count)]) * slope[0] @ _to_series(count)
-    found = []
+    margins = []
     for which in range(2):
         free = (mesh.flags[:, 3 * which] == FREE) & (width > 1e-7)
         for place in range(2):
@@ -213,11 +215,11 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
             share = rate[:, :-1] / jnp.where(turns, rate[:, :-1] - rate[:, 1:], 1.0)
             ends = (beyond[:, :-1], beyond[:, 1:]), (rate[:, :-1], rate[:, 1:])
             does = jnp.minimum(cubic_step(share, gap, *ends), 0.0)
-            both = jnp.concatenate(
+            candidates = jnp.concatenate(
                 [jnp.where(touches, would, jnp.inf), jnp.where(turns, does, -jnp.inf).ravel()]
             )
-            found.append(both[jnp.argmin(jnp.abs(both))])
-    return jnp.stack(found).reshape(2, 2)
+            margins.append(candidates[jnp.argmin(jnp.abs(candidates))])
+    return jnp.stack(margins).reshape(2, 2)
 
 
 @cache

@@ -12,7 +12,7 @@ from ._options import COARSE, CycleOptions
 from ._panels import resolution
 from ._revolutions import START, march
 from ._system import Cylinders
-from ._waves import WIDEST, still
+from ._waves import WIDEST, waves_at_rest
 
 # From nothing six pipes up to 17 % of pulsation took up to 3 rounds, others up to 37 % took 5.
 _ROUNDS = 6
@@ -21,7 +21,7 @@ _FINEST = 1e-3
 
 
 def piped_rounds(
-    system: Cylinders, options: CycleOptions, start: CycleSolution | None, lay, nothing
+    system: Cylinders, options: CycleOptions, start: CycleSolution | None, lay, no_solution
 ) -> CycleSolution:
     """March and Newton's method in turns, the waves from nothing or from a start.
 
@@ -33,68 +33,68 @@ def piped_rounds(
         options: of the solver.
         start: of a similar machine.
         lay: panels after a march, see `_solve._laid`.
-        nothing: solution before the first round.
+        no_solution: solution before the first round.
     """
-    given = jnp.asarray(False) if start is None else start.solved
+    has_start = jnp.asarray(False) if start is None else start.solved
     few = min(8, options.revolutions_at_most)
-    most = max(options.max_rounds, _ROUNDS)
+    max_rounds = max(options.max_rounds, _ROUNDS)
 
     def advance(carry):
-        state, flags, waves, last, rounds = carry
+        state, flags, waves, previous, rounds = carry
         ready = rounds < 0
         finer = jnp.maximum(0.1 ** jnp.maximum(rounds, 0), _FINEST)
         tolerance = options.first_march_tolerance * finer
         repeat = 100 * tolerance
-        wanted = ~(last.solved | ready)
+        is_marched = ~(previous.solved | ready)
         behind = system.with_waves(waves)
-        end = march(behind, options, tolerance, repeat, state, flags, wanted, few)
+        end = march(behind, options, tolerance, repeat, state, flags, is_marched, few)
         laid = *lay(end, options), end.totals, end.change <= repeat
         if start is not None:
-            known = start.mesh, start.z, start.events, start.totals, start.repeats
-            laid = jax.tree.map(partial(jnp.where, ready), known, laid)
+            of_start = start.mesh, start.z, start.events, start.totals, start.repeats
+            laid = jax.tree.map(partial(jnp.where, ready), of_start, laid)
         mesh, z, events, totals, repeats = laid
         tolerances = options.tolerance, options.max_newton
-        both, report = newton(system, mesh, Both(z, waves), *tolerances)
+        cycle_and_waves, report = newton(system, mesh, Both(z, waves), *tolerances)
         sound = mesh.fits & (report.size < 1e-7)
         # harmonics of panels that are too wide are no more exact
-        wide = jnp.max(jnp.diff(both.panels.edges)) * system.orders / 2 > WIDEST
-        coarse = sound & report.holds & ((resolution(both.panels) > COARSE) | wide)
+        wide = jnp.max(jnp.diff(cycle_and_waves.panels.edges)) * system.orders / 2 > WIDEST
+        coarse = sound & report.holds & ((resolution(cycle_and_waves.panels) > COARSE) | wide)
         coarse &= options.may_grow
-        found = CycleSolution(
+        solution = CycleSolution(
             mesh=mesh,
-            z=both.panels,
+            z=cycle_and_waves.panels,
             marched=z,
             totals=totals,
             solved=sound & report.holds & ~coarse,
             residual=report.size,
             steps=report.steps,
-            revolutions=last.revolutions + end.revolutions,
-            passes=last.passes + end.passes,
+            revolutions=previous.revolutions + end.revolutions,
+            passes=previous.passes + end.passes,
             events=events,
             repeats=repeats,
             alternates=jnp.asarray(False),
-            waves=both.waves,
+            waves=cycle_and_waves.waves,
         )
-        least = jnp.min(both.panels.left[:, system.columns(0, 1)])
+        least = jnp.min(cycle_and_waves.panels.left[:, system.columns(0, 1)])
         goes_on = sound & (least > 0.01)
-        state = jnp.where(goes_on, both.panels.left[0], end.state)
+        state = jnp.where(goes_on, cycle_and_waves.panels.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)
         followed = limited(system, waves, report.first)
         choose = partial(jnp.where, goes_on)
-        waves = jax.tree.map(choose, both.waves, followed)
+        waves = jax.tree.map(choose, cycle_and_waves.waves, followed)
         usable = end.ended & mesh.fits & ~coarse
-        return state, flags, waves, found, jnp.where(usable, rounds + 1, most)
+        return state, flags, waves, solution, jnp.where(usable, rounds + 1, max_rounds)
 
     def going_on(carry):
-        *_, found, rounds = carry
-        return ~found.solved & (rounds < most)
+        *_, solution, rounds = carry
+        return ~solution.solved & (rounds < max_rounds)
 
     state, flags = system.initial(START)
-    waves = still(system.cases.cylinder)
+    waves = waves_at_rest(system.cases.cylinder)
     if start is not None:
-        nothing = nothing._replace(revolutions=start.revolutions, passes=start.passes)
+        no_solution = no_solution._replace(revolutions=start.revolutions, passes=start.passes)
         assert start.waves is not None
         waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
-    nothing = nothing._replace(waves=waves)
-    begin = state, flags, waves, nothing, -1 * given
+    no_solution = no_solution._replace(waves=waves)
+    begin = state, flags, waves, no_solution, -1 * has_start
     return lax.while_loop(going_on, advance, begin)[3]

@@ -161,13 +161,13 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
     return jnp.stack(out)
 
 
-def first_states(case, rest: bool) -> Float[Array, " 3p"]:
+def first_states(case, at_rest: bool) -> Float[Array, " 3p"]:
     """A start of the plenums.
 
     Args:
         case: cylinder and lines.
-        rest: everything at the state of the suction line and without flow; else every plenum as its line,
-            with a usual flow.
+        at_rest: everything at the state of the suction line and without flow; else every plenum as its
+            line, with a usual flow.
     """
     scales = chain_scales(case)
     fluid = case.cylinder.fluid
@@ -175,10 +175,10 @@ def first_states(case, rest: bool) -> Float[Array, " 3p"]:
     discharge = case.cylinder.discharge.plenums
     states = []
     for i, plenum in enumerate((*suction, *discharge)):
-        line = case.suction if i < len(suction) or rest else case.discharge
+        line = case.suction if i < len(suction) or at_rest else case.discharge
         T = line.T if plenum.temperature is None else plenum.temperature
         rho = line.rho if plenum.temperature is None else fluid.density(T, line.p)
-        flow = jnp.asarray(0.0 if rest else 0.7)
+        flow = jnp.asarray(0.0 if at_rest else 0.7)
         states += [rho * plenum.volume / scales.mass[i], T / scales.temperature, flow]
     return jnp.stack(states) if states else jnp.zeros(0)
 

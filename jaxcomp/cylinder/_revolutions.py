@@ -26,7 +26,7 @@ class March(NamedTuple):
     flags: Int[Array, " f"]  # there
     totals: Float[Array, "k 12"]  # integrals of the accounts over it
     ended: Bool[Array, ""]  # whether its end was reached
-    whole: Bool[Array, ""]  # whether all of its steps are in the record as well
+    complete: Bool[Array, ""]  # whether all of its steps are in the record as well
     record: Record  # its steps
     change: Float[Array, ""]  # [-] largest difference between its end and its beginning
     # [-] the same between its end and the beginning of the one before
@@ -36,9 +36,9 @@ class March(NamedTuple):
 
 
 def march(
-    system: Cylinders, options, tolerance, repeat, state, flags, wanted, max_revolutions
+    system: Cylinders, options, tolerance, repeat, state, flags, is_marched, max_revolutions
 ) -> March:
-    """Revolutions until the end is the beginning within `repeat`; none if they are not `wanted`.
+    """Revolutions until the end is the beginning within `repeat`; none if they are not `is_marched`.
 
     The error is soon one vector that shrinks by a steady factor (about 0.1), so after the second
     revolution the rest of the series is added at once. Samples of a batch are marched one after
@@ -50,19 +50,21 @@ def march(
         tolerance: [-] error of a step, in units of the scales.
         repeat: [-] change of a revolution at which to stop.
         state, flags: at the beginning.
-        wanted: whether to march at all.
+        is_marched: whether to march at all.
         max_revolutions: after which to give up.
     """
-    arrays, rest = eqx.partition((system, tolerance, repeat, state, flags, wanted), eqx.is_array)
+    arrays, static_part = eqx.partition(
+        (system, tolerance, repeat, state, flags, is_marched), eqx.is_array
+    )
 
     @jax.custom_batching.sequential_vmap
-    def one(arrays):
-        system, tolerance, repeat, state, flags, wanted = eqx.combine(arrays, rest)
-        count = jnp.where(wanted, max_revolutions, 0)
+    def march_sample(arrays):
+        system, tolerance, repeat, state, flags, is_marched = eqx.combine(arrays, static_part)
+        count = jnp.where(is_marched, max_revolutions, 0)
         turn = partial(_revolve, system, options, tolerance)
         return _repeated(system, turn, repeat, state, flags, count, options.kept_steps)
 
-    return one(arrays)
+    return march_sample(arrays)
 
 
 class _Revolution(AbstractLaw):
@@ -72,21 +74,21 @@ class _Revolution(AbstractLaw):
     kept: int = eqx.field(static=True)
 
     def rates(self, angle, state, flags):
-        found = self.system.rates(angle, state[: self.kept], flags)
-        slopes = jnp.concatenate([found.state, found.accounts.ravel()])
-        return slopes, found.events, found.force
+        rates = self.system.rates(angle, state[: self.kept], flags)
+        slopes = jnp.concatenate([rates.state, rates.accounts.ravel()])
+        return slopes, rates.events, rates.force
 
     def towards(self, state, events):
         return self.system.towards(state[: self.kept], events)
 
     def after(self, angle, event, state, flags, force):
-        own = state[: self.kept]
-        code, new_flags = self.system.after(event, own, flags, force)
-        jumped = self.system.jump(event, code, own)
+        of_gas = state[: self.kept]
+        code, new_flags = self.system.after(event, of_gas, flags, force)
+        jumped = self.system.jump(event, code, of_gas)
         return code, state.at[: self.kept].set(jumped), new_flags
 
     def passed(self, ends, slopes, width, flags, least):
-        ends, slopes = ([one[: self.kept] for one in pair] for pair in (ends, slopes))
+        ends, slopes = ([values[: self.kept] for values in pair] for pair in (ends, slopes))
         return self.system.passed(ends, slopes, width, flags, least)
 
     def longest(self, flags):
@@ -108,8 +110,8 @@ def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
         options.kept_steps,
         _bends(system),
     )
-    own = system.next_revolution(end.state[: law.kept])
-    return end._replace(state=end.state.at[: law.kept].set(own))
+    next_state = system.next_revolution(end.state[: law.kept])
+    return end._replace(state=end.state.at[: law.kept].set(next_state))
 
 
 def _bends(system: Cylinders) -> tuple[Float[Array, ""], ...]:
@@ -133,39 +135,39 @@ def _repeated(
     totals = jnp.zeros((system.count, _ACCOUNTS))
 
     def going_on(carry):
-        *_, found = carry
-        moving = found.change > repeat
-        return moving & (found.revolutions < max_revolutions) & found.ended
+        *_, marched = carry
+        moving = marched.change > repeat
+        return moving & (marched.revolutions < max_revolutions) & marched.ended
 
     def advance(carry):
-        state, last_change, found = carry
-        new = turn(state, found.flags)
+        state, last_change, marched = carry
+        new = turn(state, marched.flags)
         end = new.state[: state.size]
         sums = new.state[state.size :].reshape(totals.shape)
         change = end - state
         share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
-        usable = (found.revolutions > 0) & (jnp.abs(share) < 0.7)
-        more = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
-        next_state = end + more * change
+        usable = (marched.revolutions > 0) & (jnp.abs(share) < 0.7)
+        extrapolation = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
+        next_state = end + extrapolation * change
         # the accelerated state is a guess of mass and temperature; what the valves do is kept
         gas = system.columns(0, 1)
         next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
         size = jnp.max(jnp.abs(change))
-        passes = found.passes + new.passes
-        revolutions = found.revolutions + 1
-        made = March(
+        passes = marched.passes + new.passes
+        revolutions = marched.revolutions + 1
+        longer = March(
             state=end,
             flags=new.flags,
             totals=sums,
             ended=new.ended,
-            whole=new.whole,
+            complete=new.complete,
             record=new.record,
             change=size,
             change_of_two=jnp.max(jnp.abs(change + last_change)),
             revolutions=revolutions,
             passes=passes,
         )
-        return next_state, change, made
+        return next_state, change, longer
 
     record = empty_record(capacity, state.size, flags.size)
     true = jnp.asarray(True)
@@ -175,7 +177,7 @@ def _repeated(
         flags=flags,
         totals=totals,
         ended=true,
-        whole=true,
+        complete=true,
         record=record,
         change=jnp.asarray(jnp.inf),
         change_of_two=jnp.asarray(jnp.inf),

@@ -34,8 +34,8 @@ def past_rings(
     viscosity = gap.viscosity
     if viscosity is None:
         fluid = case.cylinder.fluid
-        both = [fluid.transport(gas.T, gas.rho)[0] for gas in (inside, behind)]
-        viscosity = 0.5 * (both[0] + both[1])
+        viscosities = [fluid.transport(gas.T, gas.rho)[0] for gas in (inside, behind)]
+        viscosity = 0.5 * (viscosities[0] + viscosities[1])
     flow = gap.flow(side_of(inside), side_of(behind), case.bore, viscosity)
     difference = inside.p - behind.p
     outward = difference / jnp.hypot(difference, _MIXED * case.suction.p)

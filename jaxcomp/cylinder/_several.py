@@ -171,11 +171,11 @@ class SeveralCycles(Result, eqx.Module):
     @property
     def status(self) -> Status:
         """That of the first cycle that did not converge, if any."""
-        found = Status.converged
+        worst = Status.converged
         for number in reversed(range(self.each.residual.shape[0])):
-            own = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
-            found = Status.where(own == Status.converged, found, own)
-        return found
+            of_cylinder = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
+            worst = Status.where(of_cylinder == Status.converged, worst, of_cylinder)
+        return worst
 
     @property
     def converged(self) -> Bool[Array, ""]:
@@ -195,10 +195,12 @@ class SeveralCycles(Result, eqx.Module):
     @property
     def discharge_temperature(self) -> Float[Array, ""]:
         """[K] of the gas delivered, mixed at the pressure of the line."""
-        last = self.of_stage(max(self.stages, default=1))
-        first = jax.tree.map(lambda leaf: leaf[last[0]], self.each)
-        both = (jnp.sum(self.each.totals.discharge_heat[last]), self.delivered)
-        mixed = eqx.tree_at(lambda c: (c.totals.discharge_heat, c.totals.discharge), first, both)
+        last_stage = self.of_stage(max(self.stages, default=1))
+        first = jax.tree.map(lambda leaf: leaf[last_stage[0]], self.each)
+        heat_and_mass = (jnp.sum(self.each.totals.discharge_heat[last_stage]), self.delivered)
+        mixed = eqx.tree_at(
+            lambda c: (c.totals.discharge_heat, c.totals.discharge), first, heat_and_mass
+        )
         return mixed.discharge_temperature
 
     @property
@@ -221,8 +223,8 @@ class SeveralCycles(Result, eqx.Module):
             ends = gas.edges.shape[0]
             groups = self.together.z.edges.shape[0] if self.together.z.edges.ndim > 1 else 1
             count = ends // groups
-            own = [gas.edges[i, 1 + i % count :: count] for i in range(ends)]
-            gas = replaced(gas, kinks=jnp.stack(own))
+            kinks = [gas.edges[i, 1 + i % count :: count] for i in range(ends)]
+            gas = replaced(gas, kinks=jnp.stack(kinks))
         if self.stages:
             # The crankcase has the gas that the first stage draws.
             crankcase = gas.back_pressure[self.of_stage(1)[0]]
@@ -244,4 +246,4 @@ def of_each(cycle: Cycle | SeveralCycles) -> Cycle:
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
     failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
-    return jnp.all(jnp.stack([cycle.status != one for one in failed]))
+    return jnp.all(jnp.stack([cycle.status != outcome for outcome in failed]))

@@ -32,7 +32,7 @@ from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
 from ._several import SeveralCycles, is_solved
 from ._system import Cylinders
-from ._waves import is_piped, pipings, still
+from ._waves import is_piped, pipings, waves_at_rest
 from .wall_network import OF_WALL
 
 
@@ -159,16 +159,18 @@ def solve_cycles(
     if cylinder.plenums or is_piped(cylinder):
         return _solved_together(cylinder, stacked(mechanisms), phase, speed, options, pace, start)
 
-    def one(mechanism, pace, start):
+    def cycle_of_piston(mechanism, pace, start):
         return _solved(cylinder, mechanism, speed, options, pace, start)
 
     if pace is None and start is None and all(other is mechanisms[0] for other in mechanisms):
-        return SeveralCycles(over_cylinders(one(mechanisms[0], None, None), len(mechanisms)))
-    return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, start))
+        return SeveralCycles(
+            over_cylinders(cycle_of_piston(mechanisms[0], None, None), len(mechanisms))
+        )
+    return SeveralCycles(eqx.filter_vmap(cycle_of_piston)(stacked(mechanisms), pace, start))
 
 
 def follow_cycles(
-    cylinder: Cylinder, mechanisms, phase, speed, pace, found: Cycle | SeveralCycles
+    cylinder: Cylinder, mechanisms, phase, speed, pace, cycles: Cycle | SeveralCycles
 ) -> Cycle | SeveralCycles:
     """Cycles that have been found, with their dependence on the machine and how they ended.
 
@@ -176,25 +178,25 @@ def follow_cycles(
 
     Args:
         cylinder, mechanisms, phase, speed, pace: as in `solve_cycles`.
-        found: what it found, by collocation.
+        cycles: what it found, by collocation.
     """
 
-    def one(mechanism, pace, cycle):
+    def follow(mechanism, pace, cycle):
         system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
         followed = cycle_of(system, solution_of(cycle), False)
         return eqx.tree_at(lambda c: c.status, followed, cycle.status)
 
-    if isinstance(found, Cycle):
-        return one(mechanisms[0], pace, found)
+    if isinstance(cycles, Cycle):
+        return follow(mechanisms[0], pace, cycles)
     if has_ends(cylinder):
         ends = ends_of(cylinder, mechanisms, phase)
-        followed = _of_ends(_followed_ends, ends, speed, pace, solution_of(found))
-        return eqx.tree_at(lambda c: c.each.status, followed, found.each.status)
-    if found.together is None:
-        return SeveralCycles(eqx.filter_vmap(one)(stacked(mechanisms), pace, found.each))
+        followed = _of_ends(_followed_ends, ends, speed, pace, solution_of(cycles))
+        return eqx.tree_at(lambda c: c.each.status, followed, cycles.each.status)
+    if cycles.together is None:
+        return SeveralCycles(eqx.filter_vmap(follow)(stacked(mechanisms), pace, cycles.each))
     system = _together(cylinder, stacked(mechanisms), phase, speed, pace)
-    followed = cycles_of(system, solution_of(found), False)
-    return eqx.tree_at(lambda c: c.each.status, followed, found.each.status)
+    followed = cycles_of(system, solution_of(cycles), False)
+    return eqx.tree_at(lambda c: c.each.status, followed, cycles.each.status)
 
 
 def over_cylinders(tree, count: int):
@@ -203,14 +205,14 @@ def over_cylinders(tree, count: int):
 
 
 def pace_of(
-    found: CycleSolution,
+    solution: CycleSolution,
     excess: Callable[[Float[Array, ""]], Float[Array, ""]],
     phase: Float[Array, " k"],
 ) -> Pace:
     """Unevenness with which a crank turns, on the panels of cycles.
 
     Args:
-        found: of the cycles, see `solution_of` and `no_solution`.
+        solution: of the cycles, see `solution_of` and `no_solution`.
         excess: [-] time that a crank angle takes, over its mean and less one.
         phase: [rad] own crank angle of each cylinder less that of the crank.
 
@@ -220,11 +222,11 @@ def pace_of(
     """
 
     def on(edges, phase):
-        places = gauss(found.z.points.shape[-2] - 1).nodes
+        places = gauss(solution.z.points.shape[-2] - 1).nodes
         angle = edges[:-1, None] + jnp.diff(edges)[:, None] * places
         return Pace(edges, jax.vmap(jax.vmap(excess))(angle - phase))
 
-    edges = found.z.edges
+    edges = solution.z.edges
     if edges.ndim > 1 and edges.shape[0] < phase.size:
         # Groups of several, each solved over the angle of the crank.
         return jax.vmap(on)(edges, jnp.zeros(edges.shape[0]))
@@ -234,9 +236,9 @@ def pace_of(
 
 
 @eqx.filter_jit
-def _followed(cylinder, mechanism, speed, pace, found: Cycle) -> Cycle:
+def _followed(cylinder, mechanism, speed, pace, known_cycle: Cycle) -> Cycle:
     machine = clipped(cylinder), (clipped(mechanism),)
-    followed = follow_cycles(*machine, jnp.zeros(1), speed, pace, found)
+    followed = follow_cycles(*machine, jnp.zeros(1), speed, pace, known_cycle)
     assert isinstance(followed, Cycle)
     return followed
 
@@ -256,13 +258,13 @@ def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pac
 @eqx.filter_jit
 def _solved(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
-    return cycle_of(*_found(system, options, start))
+    return cycle_of(*_solved_system(system, options, start))
 
 
 @eqx.filter_jit
 def _solved_together(cylinder, mechanisms, phase, speed, options: CycleOptions, pace, start):
     system = _together(cylinder, mechanisms, phase, speed, pace)
-    return cycles_of(*_found(system, options.of_several(system.count), start))
+    return cycles_of(*_solved_system(system, options.of_several(system.count), start))
 
 
 def _together(
@@ -270,11 +272,11 @@ def _together(
 ) -> Cylinders:
     """Cylinders that are solved together; with `stacked_lines` the gas side has an axis of them."""
 
-    def one(cylinder, mechanism, phase):
-        own = None if pace is None else Pace(pace.edges + phase, pace.excess)
-        return prepare(cylinder, mechanism, speed, own)
+    def prepared(cylinder, mechanism, phase):
+        own_pace = None if pace is None else Pace(pace.edges + phase, pace.excess)
+        return prepare(cylinder, mechanism, speed, own_pace)
 
-    over = jax.vmap(one, (0 if stacked_lines else None, 0, 0))
+    over = jax.vmap(prepared, (0 if stacked_lines else None, 0, 0))
     return Cylinders(over(cylinder, mechanisms, phase), phase)
 
 
@@ -321,24 +323,24 @@ def _system_of_ends(ends: Ends, speed, pace) -> Cylinders:
     return _together(ends.cylinders, ends.pistons, ends.phase, speed, pace, stacked_lines=True)
 
 
-def _cycles_of_group(system: Cylinders, found: CycleSolution, marching: bool) -> SeveralCycles:
+def _cycles_of_group(system: Cylinders, solution: CycleSolution, marching: bool) -> SeveralCycles:
     if system.count > 1:
-        return cycles_of(system, found, marching)
-    alone = cycle_of(system, found, marching)
+        return cycles_of(system, solution, marching)
+    alone = cycle_of(system, solution, marching)
     return SeveralCycles(jax.tree.map(lambda leaf: leaf[None], alone))
 
 
 @eqx.filter_jit
 def _solved_ends(ends: Ends, speed, pace, start, options: CycleOptions) -> SeveralCycles:
     system = _system_of_ends(ends, speed, pace)
-    return _cycles_of_group(*_found(system, options.of_several(system.count), start))
+    return _cycles_of_group(*_solved_system(system, options.of_several(system.count), start))
 
 
-def _followed_ends(ends: Ends, speed, pace, found: CycleSolution) -> SeveralCycles:
-    return _cycles_of_group(_system_of_ends(ends, speed, pace), found, False)
+def _followed_ends(ends: Ends, speed, pace, solution: CycleSolution) -> SeveralCycles:
+    return _cycles_of_group(_system_of_ends(ends, speed, pace), solution, False)
 
 
-def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
+def _solved_system(system: Cylinders, options: CycleOptions, start: CycleSolution | None):
     """System, solution and whether it was marched, of which `cycle_of` and `cycles_of` make cycles."""
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
@@ -346,11 +348,11 @@ def _found(system: Cylinders, options: CycleOptions, start: CycleSolution | None
     frozen = lax.stop_gradient(system)
     piped = is_piped(system.cases.cylinder)
     if piped and not marching:
-        nothing = _nothing(frozen.count, frozen.size, options)
-        return system, piped_rounds(frozen, options, start, _laid, nothing), marching
+        no_solution_yet = _blank_solution(frozen.count, frozen.size, options)
+        return system, piped_rounds(frozen, options, start, _laid, no_solution_yet), marching
     solve = _march_only if marching else _rounds
-    found = solve(frozen, options, start)
-    return system, found, marching
+    solution = solve(frozen, options, start)
+    return system, solution, marching
 
 
 def _count_events(record: Record) -> Int[Array, "2"]:
@@ -367,7 +369,7 @@ def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
     """Panels after a march, whether they have room for it among them, and the events of the valves."""
     mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
     events = _count_events(end.record)
-    steps = jnp.where(end.whole, 0, options.kept_steps + 1)
+    steps = jnp.where(end.complete, 0, options.kept_steps + 1)
     return mesh._replace(fits=mesh.fits & options.has_room(jnp.sum(events), steps)), z, events
 
 
@@ -450,27 +452,27 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
 
     If there is a start, the first round takes its panels instead of a march.
     """
-    given = jnp.asarray(False) if start is None else start.solved
+    has_start = jnp.asarray(False) if start is None else start.solved
     # further revolutions cost more than another round
     few = min(8, options.revolutions_at_most)
 
     def advance(carry):
-        state, flags, last, rounds = carry
+        state, flags, previous, rounds = carry
         ready = rounds < 0
         # where a branch was left, a coarser march has missed an event
         tolerance = options.first_march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
         repeat = 100 * tolerance  # Newton's method closes the rest
-        wanted = ~(last.solved | ready)
-        end = march(system, options, tolerance, repeat, state, flags, wanted, few)
+        is_marched = ~(previous.solved | ready)
+        end = march(system, options, tolerance, repeat, state, flags, is_marched, few)
         laid = *_laid(end, options), end.totals, end.change <= repeat
         if start is not None:
-            known = start.mesh, start.z, start.events, start.totals, start.repeats
-            laid = jax.tree.map(partial(jnp.where, ready), known, laid)
+            of_start = start.mesh, start.z, start.events, start.totals, start.repeats
+            laid = jax.tree.map(partial(jnp.where, ready), of_start, laid)
         mesh, z, events, totals, repeats = laid
         new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
         sound = mesh.fits & (report.size < 1e-7)
         coarse = sound & report.holds & (resolution(new) > COARSE) & options.may_grow
-        found = CycleSolution(
+        solution = CycleSolution(
             mesh=mesh,
             z=new,
             marched=z,
@@ -478,8 +480,8 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
             solved=sound & report.holds & ~coarse,
             residual=report.size,
             steps=report.steps,
-            revolutions=last.revolutions + end.revolutions,
-            passes=last.passes + end.passes,
+            revolutions=previous.revolutions + end.revolutions,
+            passes=previous.passes + end.passes,
             events=events,
             repeats=repeats,
             # Newton's method may find the state between two revolutions all the same
@@ -490,17 +492,19 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
         state = jnp.where(goes_on, new.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)
         usable = end.ended & mesh.fits & ~coarse
-        return state, flags, found, jnp.where(usable, rounds + 1, options.max_rounds)
+        return state, flags, solution, jnp.where(usable, rounds + 1, options.max_rounds)
 
     def going_on(carry):
-        _, _, found, rounds = carry
-        return ~found.solved & (rounds < options.max_rounds)
+        _, _, solution, rounds = carry
+        return ~solution.solved & (rounds < options.max_rounds)
 
     state, flags = system.initial(START)
-    nothing = _nothing(system.count, system.size, options)
+    no_solution_yet = _blank_solution(system.count, system.size, options)
     if start is not None:
-        nothing = nothing._replace(revolutions=start.revolutions, passes=start.passes)
-    begin = state, flags, nothing, -1 * given
+        no_solution_yet = no_solution_yet._replace(
+            revolutions=start.revolutions, passes=start.passes
+        )
+    begin = state, flags, no_solution_yet, -1 * has_start
     return lax.while_loop(going_on, advance, begin)[2]
 
 
@@ -509,17 +513,17 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
     if has_ends(cylinder):
         ends = grouping(cylinder, count)
         size = ends.together * STATES + PER_PLENUM * len(cylinder.plenums)
-        nothing = _nothing(ends.together, size, options_of(cylinder, count, options))
-        return nothing if ends.groups == 1 else over_cylinders(nothing, ends.groups)
+        blank = _blank_solution(ends.together, size, options_of(cylinder, count, options))
+        return blank if ends.groups == 1 else over_cylinders(blank, ends.groups)
     if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)
-    own = STATES + (0 if cylinder.walls is None else OF_WALL)
-    size = count * own + PER_PLENUM * len(cylinder.plenums)
-    nothing = _nothing(count, size, options_of(cylinder, count, options))
-    return nothing._replace(waves=still(cylinder)) if is_piped(cylinder) else nothing
+    own_states = STATES + (0 if cylinder.walls is None else OF_WALL)
+    size = count * own_states + PER_PLENUM * len(cylinder.plenums)
+    blank = _blank_solution(count, size, options_of(cylinder, count, options))
+    return blank._replace(waves=waves_at_rest(cylinder)) if is_piped(cylinder) else blank
 
 
-def _nothing(count: int, states: int, options: CycleOptions) -> CycleSolution:
+def _blank_solution(count: int, states: int, options: CycleOptions) -> CycleSolution:
     p = options.panel_count
     s = options.panel_nodes
     none = jnp.zeros((), int)

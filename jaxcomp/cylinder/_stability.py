@@ -55,6 +55,6 @@ def _revolution_matrix(case: Case, mesh: Mesh, z: Unknowns, waves: Waves | None)
     def pass_panel(before, panel_map):
         return panel_map @ before, None
 
-    whole, _ = lax.scan(pass_panel, jnp.eye(size), maps)
+    revolution, _ = lax.scan(pass_panel, jnp.eye(size), maps)
     # the last entry is the angle at which the revolution begins, which does not move
-    return whole[:-1, :-1]
+    return revolution[:-1, :-1]

@@ -116,13 +116,13 @@ class Cylinders(eqx.Module):
         first = jax.tree.map(lambda leaf: leaf[0], self.cases)
         return eqx.tree_at(lambda case: case.swept, first, jnp.sum(self.cases.swept))
 
-    def each(self, function, *given) -> Any:
+    def each(self, function, *arrays) -> Any:
         """Values of a function of a case and of arrays that have an axis of k, with that axis."""
         if self.count > 1:
-            return jax.vmap(function)(self.cases, *given)
+            return jax.vmap(function)(self.cases, *arrays)
         # mapped, both sides of every choice would be computed
-        found = function(self.cases, *(one[0] for one in given))
-        return jax.tree.map(lambda leaf: leaf[None], found)
+        values = function(self.cases, *(array[0] for array in arrays))
+        return jax.tree.map(lambda leaf: leaf[None], values)
 
     def columns(self, *places: int) -> np.ndarray:
         """Where states of a cylinder stand among those of all."""
@@ -130,8 +130,8 @@ class Cylinders(eqx.Module):
 
     def parted(self, state: Float[Array, " n"]) -> tuple[Float[Array, "k m"], Float[Array, " 3p"]]:
         """The states of each cylinder, and of the plenums."""
-        last = self.count * self.stride
-        return state[:last].reshape(self.count, self.stride), state[last:]
+        of_cylinders = self.count * self.stride
+        return state[:of_cylinders].reshape(self.count, self.stride), state[of_cylinders:]
 
     def own_angle(self, angle: Float[Array, ""]) -> Float[Array, " k"]:
         """[rad] of each cylinder."""
@@ -146,42 +146,44 @@ class Cylinders(eqx.Module):
             flags: (6 k,)
             speed: [rad/s] of the crank, for rates in time.
         """
-        own, plenums = self.parted(state)
+        states, plenums = self.parted(state)
         pair = chains(self.shared, plenums) if plenums.size else None
         pressures = [] if self.waves is None else [self.flange_pressures(angle)]
 
-        def one(case, angle, state, flags, *pressures):
+        def cylinder_rates(case, angle, state, flags, *pressures):
             lines = self.sides(case, pressures[0]) if pressures else None
             return rates(case, angle, state, flags, speed=speed, pair=pair, lines=lines)
 
         flags = flags.reshape(-1, FLAGS)
-        found = self.each(one, self.own_angle(angle), own, flags, *pressures)
+        of_each = self.each(cylinder_rates, self.own_angle(angle), states, flags, *pressures)
         if self.leaks_between:
-            more, leaks = self._between_ends(angle, own, speed)
-            of_gas = found.state.at[:, :2].add(more)
-            accounts = found.accounts.at[:, _LEAKAGE].add(leaks)
-            found = found._replace(state=of_gas, accounts=accounts)
-        slopes = found.state.ravel()
+            past_rings, leaks = self._between_ends(angle, states, speed)
+            of_gas = of_each.state.at[:, :2].add(past_rings)
+            accounts = of_each.accounts.at[:, _LEAKAGE].add(leaks)
+            of_each = of_each._replace(state=of_gas, accounts=accounts)
+        slopes = of_each.state.ravel()
         if pair is not None:
             shared = self.shared
-            streams = jnp.sum(found.streams, axis=0)
+            streams = jnp.sum(of_each.streams, axis=0)
             pace = shared.speed_at(self.own_angle(angle)[0]) if speed is None else shared.speed
-            more = chain_rates(shared, pair, plenums, streams, pace)
-            slopes = jnp.concatenate([slopes, more])
-        return found._replace(state=slopes, events=found.events.ravel(), force=found.force.ravel())
+            of_chains = chain_rates(shared, pair, plenums, streams, pace)
+            slopes = jnp.concatenate([slopes, of_chains])
+        return of_each._replace(
+            state=slopes, events=of_each.events.ravel(), force=of_each.force.ravel()
+        )
 
     def _between_ends(
-        self, angle, own: Float[Array, "k m"], speed=None
+        self, angle, states: Float[Array, "k m"], speed=None
     ) -> tuple[Float[Array, "k 2"], Float[Array, "k 2"]]:
         """Rates of mass and temperature, and of the accounts of leakage, by gas past the rings."""
         own_angle = self.own_angle(angle)
-        gases = self.each(gas_in, own_angle, own)
+        gases = self.each(gas_in, own_angle, states)
         behind = jax.tree.map(_of_other_end, gases)
 
-        def one(case, angle, state, inside, behind):
+        def ring_flow(case, angle, state, inside, behind):
             return with_ring_flow(case, angle, state, (inside, behind), speed)
 
-        return self.each(one, own_angle, own, gases, behind)
+        return self.each(ring_flow, own_angle, states, gases, behind)
 
     def jacobian(self, angle, state, flags):
         """Rates over the crank angle and event functions, with their derivatives in state and angle.
@@ -189,21 +191,21 @@ class Cylinders(eqx.Module):
         Returns:
             (state', events), then (n, n) and (n,) of state', then (8 k, n) and (8 k,) of the events.
         """
-        own, plenums = self.parted(state)
+        states, plenums = self.parted(state)
         m, q, k = self.stride, plenums.size, self.count
         shared, own_angle = self.shared, self.own_angle(angle)
 
-        def one(case, angle, state, flags):
+        def cylinder_slopes(case, angle, state, flags):
             def law(packed, gas):
                 pair = chains(shared, packed[1 + m :]) if q else None
-                found = rates(case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair)
-                parts = [found.state, found.events]
-                return jnp.concatenate([*parts, found.streams] if q else parts)
+                cylinder_rates = rates(case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair)
+                parts = [cylinder_rates.state, cylinder_rates.events]
+                return jnp.concatenate([*parts, cylinder_rates.streams] if q else parts)
 
             packed = jnp.concatenate([angle[None], state, plenums] if q else [angle[None], state])
             return in_angle_and_state(case, law, packed)
 
-        values, slopes = self.each(one, own_angle, own, flags.reshape(-1, FLAGS))
+        values, slopes = self.each(cylinder_slopes, own_angle, states, flags.reshape(-1, FLAGS))
         parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
         state_1, events, streams = (values[:, part] for part in parts)
         of_state, of_events, of_streams = (slopes[:, part] for part in parts)
@@ -212,23 +214,27 @@ class Cylinders(eqx.Module):
             """From own columns, of angle, state and plenums, to those of all."""
             if k == 1:
                 return rows[0, :, 1:], rows[0, :, 0]
-            here = np.arange(k)
-            wide = jnp.zeros((k, rows.shape[1], k, m)).at[here, :, here].set(rows[:, :, 1 : 1 + m])
+            diagonal = np.arange(k)
+            wide = (
+                jnp.zeros((k, rows.shape[1], k, m))
+                .at[diagonal, :, diagonal]
+                .set(rows[:, :, 1 : 1 + m])
+            )
             wide = wide.reshape(*rows.shape[:2], k * m)
-            both = jnp.concatenate([wide, rows[:, :, 1 + m :]], axis=2)
-            return both.reshape(-1, k * m + q), rows[:, :, 0].ravel()
+            of_all = jnp.concatenate([wide, rows[:, :, 1 + m :]], axis=2)
+            return of_all.reshape(-1, k * m + q), rows[:, :, 0].ravel()
 
         by_state, by_angle = among_all(of_state)
         if self.leaks_between:
 
-            def between(angle, own):
-                more = self._between_ends(angle, own)[0]
-                return more, more
+            def between(angle, states):
+                ring_rates = self._between_ends(angle, states)[0]
+                return ring_rates, ring_rates
 
-            slopes = jax.jacfwd(between, (0, 1), has_aux=True)(angle, own)
-            (with_angle, with_own), more = slopes
+            slopes = jax.jacfwd(between, (0, 1), has_aux=True)(angle, states)
+            (with_angle, with_own), ring_rates = slopes
             rows = self.columns(0, 1)
-            state_1 = state_1.at[:, :2].add(more)
+            state_1 = state_1.at[:, :2].add(ring_rates)
             by_angle = by_angle.at[rows].add(with_angle.ravel())
             columns = np.arange(k * m)
             blocks = with_own.reshape(2 * k, k * m)
@@ -240,14 +246,14 @@ class Cylinders(eqx.Module):
                 pace = shared.speed_at(angle)
                 return chain_rates(shared, pair, plenums, streams, pace)
 
-            given = own_angle[0], plenums, jnp.sum(streams, axis=0)
-            with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*given)
+            of_chains = own_angle[0], plenums, jnp.sum(streams, axis=0)
+            with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*of_chains)
             through = jnp.einsum("qa,kac->kqc", with_streams, of_streams)
             rows, turned = among_all(through)
             rows, turned = rows.reshape(k, q, -1).sum(0), turned.reshape(k, q).sum(0)
             by_state = jnp.concatenate([by_state, rows.at[:, k * m :].add(with_plenums)])
             by_angle = jnp.concatenate([by_angle, turned + with_angle])
-            state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*given)])
+            state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*of_chains)])
         return (state_1.ravel(), events.ravel()), (by_state, by_angle), among_all(of_events)
 
     def with_waves(self, waves: Waves) -> "Cylinders":
@@ -298,11 +304,11 @@ class Cylinders(eqx.Module):
         """[Pa] At the flanges of every cylinder, before its suction and behind its discharge valve."""
         pressures = self.flange_pressures(angle)
 
-        def one(case, pressures):
+        def at_flanges(case, pressures):
             sides = self.sides(case, pressures)
             return jnp.stack([side.p for side in sides])
 
-        return self.each(one, pressures)
+        return self.each(at_flanges, pressures)
 
     def observation(self) -> np.ndarray:
         """From the streams of all cylinders to the flows of all flanges, and heats where they count."""
@@ -346,39 +352,41 @@ class Cylinders(eqx.Module):
         counts = [numbers.max() + 1 for numbers in flanges]
         starts = np.cumsum([0, *counts])
         lines = len(flanges)
-        chosen = np.zeros((self.count, lines, starts[-1]))
+        selection = np.zeros((self.count, lines, starts[-1]))
         for line, numbers in enumerate(flanges):
-            chosen[np.arange(self.count), line, starts[line] + numbers] = 1
-        wide = chosen.reshape(-1, starts[-1], 1) * harmonics(tau, self.orders)
+            selection[np.arange(self.count), line, starts[line] + numbers] = 1
+        wide = selection.reshape(-1, starts[-1], 1) * harmonics(tau, self.orders)
         return jnp.asarray(wide).reshape(self.count * lines, -1)
 
     def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
         """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""
-        own, _ = self.parted(state)
+        states, _ = self.parted(state)
         m = self.stride
         k = self.count
         one_angle = jnp.ones_like(angle)
         pressures, pressures_1 = jax.jvp(self.flange_pressures, (angle,), (one_angle,))
 
-        def one(case, angle, state, flags, pressures):
+        def cylinder_slopes(case, angle, state, flags, pressures):
             def law(packed, gas):
                 sides = self.sides(case, packed[1 + m :])
-                found = rates(case, packed[0], packed[1 : 1 + m], flags, gas, lines=sides)
-                return jnp.concatenate([found.state, found.events, found.streams])
+                cylinder_rates = rates(case, packed[0], packed[1 : 1 + m], flags, gas, lines=sides)
+                return jnp.concatenate(
+                    [cylinder_rates.state, cylinder_rates.events, cylinder_rates.streams]
+                )
 
             packed = jnp.concatenate([angle[None], state, pressures])
             return in_angle_and_state(case, law, packed)
 
         flags = flags.reshape(-1, FLAGS)
-        values, slopes = self.each(one, self.own_angle(angle), own, flags, pressures)
+        values, slopes = self.each(cylinder_slopes, self.own_angle(angle), states, flags, pressures)
         of_pressures = slopes[:, :, 1 + m :]
         by_angle = slopes[:, :, 0] + jnp.einsum("krl,kl->kr", of_pressures, pressures_1)
 
         def among_all(rows: Float[Array, "k r c"]):
             """From own columns to those of all cylinders."""
-            here = np.arange(k)
+            diagonal = np.arange(k)
             width = rows.shape[2]
-            wide = jnp.zeros((k, rows.shape[1], k, width)).at[here, :, here].set(rows)
+            wide = jnp.zeros((k, rows.shape[1], k, width)).at[diagonal, :, diagonal].set(rows)
             return wide.reshape(k * rows.shape[1], k * width)
 
         parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
@@ -405,33 +413,33 @@ class Cylinders(eqx.Module):
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
         """A guess of states and branches."""
         states, flags = self.each(initial, self.own_angle(jnp.asarray(angle)))
-        return self._joined(states, first_states(self.shared, rest=False)), flags.ravel()
+        return self._joined(states, first_states(self.shared, at_rest=False)), flags.ravel()
 
     def jump(self, event, code, state) -> Float[Array, " n"]:
         """The states after an event; see `_events.jump`."""
 
-        def one(case, place, state):
+        def jump_of_cylinder(case, place, state):
             return jump(case, event - EVENTS * place, code, state)
 
-        own, plenums = self.parted(state)
-        return self._joined(self.each(one, jnp.arange(self.count), own), plenums)
+        states, plenums = self.parted(state)
+        return self._joined(self.each(jump_of_cylinder, jnp.arange(self.count), states), plenums)
 
     def after(self, event, state, flags, force) -> tuple[Int[Array, ""], Int[Array, " f"]]:
         """Code of the jump and branches after an event; see `_events.after_event`."""
 
-        def one(case, place, state, flags, force):
+        def after_of_cylinder(case, place, state, flags, force):
             return after_event(case, event - EVENTS * place, state, flags, force)
 
-        own = self.parted(state)[0]
+        states = self.parted(state)[0]
         shape = (self.count, -1)
-        given = jnp.arange(self.count), own, flags.reshape(shape), force.reshape(shape)
-        code, new = self.each(one, *given)
+        arguments = jnp.arange(self.count), states, flags.reshape(shape), force.reshape(shape)
+        code, new = self.each(after_of_cylinder, *arguments)
         return jnp.max(code), new.ravel()
 
     def towards(self, state, events) -> Bool[Array, " e"]:
         """Whether each event may happen there."""
-        own = self.parted(state)[0], events.reshape(self.count, -1)
-        return self.each(lambda _, *own: towards(*own), *own).ravel()
+        arguments = self.parted(state)[0], events.reshape(self.count, -1)
+        return self.each(lambda _, *arguments: towards(*arguments), *arguments).ravel()
 
     def longest(self, flags) -> Float[Array, ""]:
         """[rad] The longest step."""
@@ -440,28 +448,33 @@ class Cylinders(eqx.Module):
     def passed(self, ends, slopes, width, flags, least) -> Float[Array, ""]:
         """Share of a step at which a valve turns beyond seat or stop; see `AbstractLaw.passed`."""
 
-        def one(_, ends, slopes, flags):
+        def passed_by_cylinder(_, ends, slopes, flags):
             return passed(ends, slopes, width, flags, least)
 
-        both = (jnp.stack([self.parted(one)[0] for one in pair], axis=1) for pair in (ends, slopes))
-        return jnp.min(self.each(one, *both, flags.reshape(self.count, -1)))
+        def of_each(pair):
+            return jnp.stack([self.parted(values)[0] for values in pair], axis=1)
+
+        own_flags = flags.reshape(self.count, -1)
+        return jnp.min(self.each(passed_by_cylinder, of_each(ends), of_each(slopes), own_flags))
 
     def next_revolution(self, state) -> Float[Array, " n"]:
         """The states after the end of a revolution: the walls are warmer by the heat they have gained."""
-        own, plenums = self.parted(state)
-        return self._joined(self.each(next_revolution, own), plenums)
+        states, plenums = self.parted(state)
+        return self._joined(self.each(next_revolution, states), plenums)
 
     def of_cylinder(self, values: Float[Array, "*p n"]) -> Float[Array, "k *p m"]:
         """States of each cylinder, as if it had the plenums alone."""
-        last = self.count * self.stride
-        own = values[..., :last].reshape(*values.shape[:-1], self.count, self.stride)
-        own = jnp.moveaxis(own, -2, 0)
-        plenums = jnp.broadcast_to(values[..., last:], (*own.shape[:-1], values.shape[-1] - last))
-        return jnp.concatenate([own, plenums], axis=-1)
+        of_cylinders = self.count * self.stride
+        states = values[..., :of_cylinders].reshape(*values.shape[:-1], self.count, self.stride)
+        states = jnp.moveaxis(states, -2, 0)
+        plenums = jnp.broadcast_to(
+            values[..., of_cylinders:], (*states.shape[:-1], values.shape[-1] - of_cylinders)
+        )
+        return jnp.concatenate([states, plenums], axis=-1)
 
     @staticmethod
-    def _joined(own, plenums):
-        return jnp.concatenate([own.ravel(), plenums]) if plenums.size else own.ravel()
+    def _joined(states, plenums):
+        return jnp.concatenate([states.ravel(), plenums]) if plenums.size else states.ravel()
 
 
 def _of_other_end(values: Float[Array, " k"]) -> Float[Array, " k"]:

@@ -94,13 +94,13 @@ def has_own_temperature(cylinder: Cylinder, side: int) -> bool:
     return side == 1 and piping is not None and piping.follows_delivery
 
 
-def still(cylinder: Cylinder) -> Waves:
+def waves_at_rest(cylinder: Cylinder) -> Waves:
     """Waves before the first round: none."""
     orders = orders_of(cylinder)
-    made = []
+    sides = []
     for side, piping in enumerate(pipings(cylinder)):
         if piping is None:
-            made.append(None)
+            sides.append(None)
             continue
         squares = sum(not orifice.is_linear for orifice in piping.orifices)
         rough = sum(len(p.nodes) - 1 for p in piping.pipes if p.attenuation is None)
@@ -110,8 +110,8 @@ def still(cylinder: Cylinder) -> Waves:
             temperature=jnp.ones(int(has_own_temperature(cylinder, side))),
             friction=jnp.ones((2, rough)),
         )
-        made.append(waves)
-    return made[0], made[1]
+        sides.append(waves)
+    return sides[0], sides[1]
 
 
 def harmonics(tau: Float[Array, "*n"], orders: int) -> Float[Array, "*n h"]:
@@ -177,13 +177,15 @@ def quadrature(case: Case, phase, edges: Float[Array, " e"], nodes: int, orders:
     values, slopes = jax.jvp(at, (angle,), (jnp.ones_like(angle),))
     values = values * rule.weights[:, None]
     slopes = slopes * rule.weights[:, None] * width[:, None, None]
-    left = -values + slopes * (1 - rule.nodes)[:, None]
+    by_left_edge = -values + slopes * (1 - rule.nodes)[:, None]
     right = values + slopes * rule.nodes[:, None]
 
     def on_nodes(fine):
         return jnp.einsum("mj,pmh->pjh", through, fine)
 
-    return Quadrature(on_nodes(values * width[:, None, None]), on_nodes(left), on_nodes(right))
+    return Quadrature(
+        on_nodes(values * width[:, None, None]), on_nodes(by_left_edge), on_nodes(right)
+    )
 
 
 @cache
@@ -348,10 +350,10 @@ def lines_of(shared: Case) -> tuple[Line | None, Line | None]:
     """
     cylinder = shared.cylinder
     usual = shared.mass_scale * shared.speed / (2 * jnp.pi)
-    made = []
+    built = []
     for side, piping in enumerate(pipings(cylinder)):
         state = (shared.suction, shared.discharge)[side]
         comes = (shared.comes, shared.discharge)[side]
         line = Line(cylinder, side, state, comes, shared.speed, usual, orders_of(cylinder))
-        made.append(None if piping is None else line)
-    return made[0], made[1]
+        built.append(None if piping is None else line)
+    return built[0], built[1]
