@@ -196,9 +196,10 @@ def axes_words(banks: Sequence[float]) -> str:
     degrees = sorted({round(math.degrees(bank), 6) for bank in banks})
     if not any(degrees):
         return "x: along the cylinder towards the head; y: across."
-    listed = ", ".join(f"{degree:.4g}°" for degree in degrees)
+    directions = ", ".join(f"{degree:.4g}°" for degree in degrees)
     return (
-        f"x, y: axes of the machine; its cylinders stand at {listed} from x, counted with rotation."
+        f"x, y: axes of the machine; its cylinders stand at {directions} from x, counted with "
+        "rotation."
     )
 
 

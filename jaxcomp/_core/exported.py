@@ -258,9 +258,9 @@ class _KeyPickler(_Pickler):
         reduced = super().reducer_override(value)
         if not isinstance(value, FunctionType):
             return reduced
-        held = [cell.cell_contents for cell in value.__closure__ or ()]
+        contents = [cell.cell_contents for cell in value.__closure__ or ()]
         place = (value.__module__, value.__qualname__, value.__code__.co_firstlineno)
-        return tuple, ((*place, held, value.__defaults__, value.__kwdefaults__),)
+        return tuple, ((*place, contents, value.__defaults__, value.__kwdefaults__),)
 
 
 def _settings() -> tuple[Any, ...]:

@@ -234,13 +234,13 @@ def is_listed(part: Part | type[Part], field: dataclasses.Field, value: Any) -> 
     return single and value is not None and jnp.ndim(value) == 1
 
 
-def spread_columns(part: Part, rows: int, what: str) -> None:
+def spread_columns(part: Part, rows: int, row_name: str) -> None:
     """Give every `spread` column of a part under construction one value a row.
 
     Args:
         part: the part, in its `__post_init__`.
         rows: how many.
-        what: what a row is, for the message.
+        row_name: what a row is, for the message.
 
     Raises:
         BadInput: a column of another length.
@@ -254,7 +254,7 @@ def spread_columns(part: Part, rows: int, what: str) -> None:
             # by NumPy no program is compiled
             value = _as_float((jnp if is_traced(value) else np).full(rows, value))
         if value.shape != (rows,):
-            raise BadInput(name, value, f"one value, or one for each of {rows} {what}")
+            raise BadInput(name, value, f"one value, or one for each of {rows} {row_name}")
         setattr(part, name, value)
 
 
@@ -281,10 +281,10 @@ def at(tree: Any, path: str | Sequence[str]) -> Any:
     if isinstance(path, str):
         path = path.split(".")
     for step in path:
-        several = isinstance(tree, tuple | list) or (eqx.is_array(tree) and tree.ndim)
+        is_sequence = isinstance(tree, tuple | list) or (eqx.is_array(tree) and tree.ndim)
         if isinstance(tree, Mapping):
             tree = tree[step]
-        elif several and step.isdigit() and int(step) < len(tree):
+        elif is_sequence and step.isdigit() and int(step) < len(tree):
             tree = tree[int(step)]
         elif isinstance(tree, Part) and any(f.name == step for f in dataclasses.fields(tree)):
             tree = getattr(tree, step)
@@ -305,8 +305,8 @@ def admissible(tree: Part) -> Bool[Array, ""]:
         for holds in part.conditions().values():
             good &= jnp.all(holds) if jnp.ndim(holds) else holds
     # Values of one bound are compared together, for the sake of the compiler.
-    for bound, some in values.items():
-        good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in some]))
+    for bound, bounded in values.items():
+        good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in bounded]))
     return good
 
 
@@ -372,9 +372,9 @@ def _outside(
     return BadInput(name, value[place], f"{allowed} in cylinder {place + 1}")
 
 
-def _in_metres(value: np.ndarray, wide: Bound, narrow: Bound) -> str:
+def _in_metres(value: np.ndarray, declared: Bound, plausible_bound: Bound) -> str:
     """Advice for a length that was given in millimetres."""
-    if wide.high <= narrow.high or not narrow.high < value.max() <= LARGEST:
+    if declared.high <= plausible_bound.high or not plausible_bound.high < value.max() <= LARGEST:
         return ""
     largest = float(value.max())
     return f" (lengths are in m; {largest:g} mm are {largest / 1e3:g})"

@@ -221,8 +221,8 @@ class Progress:
             )
         elif instant - self._told_at > _EVERY and finished != self._total and shows_waits():
             self._told_at = instant
-            of = f" of {at_most}{self._total:,}" if self._total else ""
-            line = f"{self._text}: {finished:,}{of} {self._unit}"
+            of_total = f" of {at_most}{self._total:,}" if self._total else ""
+            line = f"{self._text}: {finished:,}{of_total} {self._unit}"
             if remaining:
                 line += f", {remaining}"
             tell(line)

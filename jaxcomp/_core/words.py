@@ -143,8 +143,8 @@ def one_of(word: object, choices: Iterable[object]) -> str:
     """`one of ...` as the bound of a `BadInput`, with the nearest word where one is near."""
     choices = [str(name) for name in choices]
     near = hint(word, choices)
-    listed = ", ".join(choices)
+    names = ", ".join(choices)
     # beside the near one, which is likely what is meant, the others need not all be there
     if near and len(choices) > _FEW:
-        listed = f"{', '.join(choices[:_FEW])}, and {len(choices) - _FEW} more"
-    return f"one of {listed}{near}"
+        names = f"{', '.join(choices[:_FEW])}, and {len(choices) - _FEW} more"
+    return f"one of {names}{near}"

@@ -152,6 +152,7 @@ def _amplitude(initial, weights, coefficients) -> tuple[np.ndarray, np.ndarray]:
     """(starts, runs) amplitudes, and their derivatives (starts, runs, 2 planes)."""
     vibration = initial + coefficients @ weights.T
     size = np.abs(vibration)
+    # d|v| = Re[conj(v/|v|) U dH]: its real part by Re H, minus its imaginary part by Im H.
     direction = vibration / np.maximum(size, 1e-300)
     turned = np.conj(direction)[..., None] * weights
     return size, np.concatenate([turned.real, -turned.imag], axis=-1)
@@ -165,6 +166,7 @@ def _solutions(amplitudes: np.ndarray, weights: np.ndarray) -> list[_Fit]:
     unit = np.abs(weights).max(axis=0)
     ends, misfit = _descended(read, weights / unit, _starts(weights.shape[1]))
     scale = np.sqrt(np.mean(read**2))
+    # Where even the best fit misses by more than instruments do, what misses by twice as much is as good.
     fits_within = max(_REPEATED_WITHIN * scale, 2 * misfit.min())
     fits: list[_Fit] = []
     distinct: list[np.ndarray] = []
@@ -182,10 +184,10 @@ def _solutions(amplitudes: np.ndarray, weights: np.ndarray) -> list[_Fit]:
 def _starts(planes: int) -> np.ndarray:
     """(starts, planes) coefficients to begin at."""
     phases = np.exp(2j * np.pi * np.arange(_PHASES) / _PHASES)
-    each = np.outer(_SIZES, phases).ravel()
-    if each.size**planes <= _MOST_STARTS:
-        return np.array(list(itertools.product(each, repeat=planes)))
-    return np.random.default_rng(0).choice(each, (_MOST_STARTS, planes))
+    coefficients = np.outer(_SIZES, phases).ravel()
+    if coefficients.size**planes <= _MOST_STARTS:
+        return np.array(list(itertools.product(coefficients, repeat=planes)))
+    return np.random.default_rng(0).choice(coefficients, (_MOST_STARTS, planes))
 
 
 def _descended(read, weights, x) -> tuple[np.ndarray, np.ndarray]:
@@ -212,6 +214,7 @@ def _descended(read, weights, x) -> tuple[np.ndarray, np.ndarray]:
         misfit = np.where(better, misfit_tried, misfit)
         # Down to where Gauss and Newton's step is taken as it is, which ends quadratically.
         damping = np.clip(np.where(better, damping / 10, damping * 5), 1e-15, 1e6)
+    # The step that Gauss and Newton would still take says which descents have come to their end.
     gradient = np.einsum("skp,sk->sp", jacobian, size - read)
     normal = np.einsum("skp,skq->spq", jacobian, jacobian) + 1e-14 * np.eye(2 * planes)
     step = np.linalg.norm(np.linalg.solve(normal, gradient[..., None])[..., 0], axis=1)

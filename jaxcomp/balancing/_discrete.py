@@ -45,6 +45,7 @@ def discrete(
     best, lowest = _greedy(matrix, initial, stocks)
     nodes = 0
     unseen_bound = np.inf
+    # A stack: depth first there is soon a whole combination, by which the other branches are measured.
     waiting = [(0.0, initial, ())]
     while waiting:
         below, vibration, choices = waiting.pop()

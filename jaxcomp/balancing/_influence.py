@@ -186,6 +186,7 @@ def flexibility(model, loads, places, speed) -> Complex[Array, "rows columns"]:
     for target in places.targets:
         for axis in target.axes:
             along = nodal_load(model, target.node, axis).real
+            # what a sensor reads that sits on the other node
             if target.relative_to is not None:
                 along = along - nodal_load(model, target.relative_to, axis).real
             outputs.append(along)
@@ -275,6 +276,7 @@ def fitted_influence(
         BadInput: weights from which the coefficients of all planes cannot be told.
     """
     on = np.asarray(weights, complex)
+    # In units of each plane's largest weight: the rank must not hang on the sizes of the planes.
     units = on / np.maximum(np.abs(on).max(axis=0), 1e-300)
     if np.linalg.matrix_rank(units, tol=1e-9) < len(planes):
         needs = "of at least as many independent runs as planes"

@@ -62,6 +62,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
         grown = grown / jnp.sum(grown)
         return grown, best, jnp.minimum(highest, top), jnp.maximum(lowest, below), steps + 1
 
+    # No correction at all reaches 1, the largest vibration before; nothing gets below 0.
     even = jnp.full(rows, 1.0 / rows)
     zero = jnp.zeros(matrix.shape[1], complex)
     start = (even, zero, jnp.asarray(1.0), jnp.asarray(0.0), jnp.asarray(0))
@@ -172,8 +173,8 @@ class _Circles(NamedTuple):
         turn = np.exp(-1j * angle)
         turned = self.a[at] * turn[:, None]
         rows = np.hstack([np.real(turned), -np.imag(turned), -self.t[at]])
-        held = np.real(self.b[at]) * np.real(turn) - np.imag(self.b[at]) * np.imag(turn)
-        return rows, self.fixed[at] - held
+        offset = np.real(self.b[at]) * np.real(turn) - np.imag(self.b[at]) * np.imag(turn)
+        return rows, self.fixed[at] - offset
 
 
 def _circles(influence: Influence, limits, bounds) -> tuple[_Circles, np.ndarray]:

@@ -216,6 +216,7 @@ def _any_masses(influence: Influence, planes: Mapping[int, _Plane]) -> Balance:
         [np.full(p.directions.size, p.places.largest) for p in planes.values()]
     )
     upper = np.minimum(largest / unit, _BEYOND_REASON)
+    # Masses are real: each complex row is two real ones.
     system = unit * np.vstack([np.real(columns), np.imag(columns)])
     right = -np.append(np.real(initial), np.imag(initial))
     size = max(float(np.linalg.norm(initial)), 1e-300)
@@ -256,6 +257,8 @@ def _mass_unit(columns: np.ndarray, initial: np.ndarray) -> float:
 
 def _dual_bound(system, right, masses, upper) -> float:
     """A value that no masses within their bounds get below: the dual problem at their residual."""
+    # For any r and all masses within their bounds, |b - A m|^2 >= 2 r.(b - A m) - |r|^2, and r.A m is
+    # at most that of the bounds where A^T r is positive, and of no mass elsewhere.
     residual = right - system @ masses
     gain = np.maximum(system.T @ residual, 0.0)
     squares = 2 * (residual @ right - np.sum(upper * gain)) - residual @ residual
@@ -367,6 +370,7 @@ class _Search:
         if not steep and (sums.paired or sums.size > _MOST_ALIKE):
             self.unseen = min(self.unseen, float(np.sqrt(below)))
             return
+        # Further from the centre than this, the plane alone adds more than the best so far leaves.
         room = np.sqrt(max(self.lowest**2 - below, 0.0))
         radius = room / abs(slope) if steep else np.inf
         near = sums.within(centre, radius, free)
@@ -376,6 +380,7 @@ class _Search:
                 continue
             cost = below + abs(slope * (candidate.sum - centre)) ** 2 if steep else below
             if cost >= self.lowest**2 * (1 - 1e-12):
+                # The nearest come first; of a plane that acts like others the distance says nothing.
                 if steep:
                     break
                 continue
@@ -390,7 +395,7 @@ class _Search:
         cost = below + abs(residual) ** 2
         path = [*above, candidate]
         if level == 0:
-            mass = sum(each.mass for each in path)
+            mass = sum(decided.mass for decided in path)
             size = float(np.sqrt(cost))
             better = size < self.lowest * (1 - 1e-12)
             if better or (size <= self.lowest * (1 + 1e-12) and mass < self._mass()):
@@ -402,7 +407,7 @@ class _Search:
         self._descend(level - 1, further_targets, cost, path, remaining)
 
     def _mass(self) -> float:
-        return sum(each.mass for each in self.picked)
+        return sum(candidate.mass for candidate in self.picked)
 
     def combinations(self) -> dict[int, Candidate]:
         """The combination of each plane."""

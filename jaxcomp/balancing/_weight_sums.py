@@ -121,6 +121,7 @@ class WeightSums:
         """All sums within a distance that the stock allows, the nearest first."""
         listed = self._list
         centres = self._centres(target)
+        # No sum is further away, not of pairs either.
         radius = min(radius, 4 * self._scale + abs(target))
         neighbours = self._tree.query_ball_point(_points(centres), radius)
         first = np.repeat(np.arange(len(neighbours)), list(map(len, neighbours)))

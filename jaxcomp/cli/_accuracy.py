@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import chain
+from operator import attrgetter
 from typing import Any, Literal
 
 import jaxcomp as jc
@@ -71,8 +73,10 @@ def accuracy(
     partial = Partial(output.out, "settings")
 
     def keep(rows) -> None:
-        fields = ("method", "setting", "error", "seconds", "compile_seconds")
-        partial.keep({field: [getattr(row, field) for row in rows] for field in fields})
+        columns = {}
+        for field in ("method", "setting", "error", "seconds", "compile_seconds"):
+            columns[field] = list(map(attrgetter(field), rows))
+        partial.keep(columns)
 
     with progress_of("Measuring", unit="settings") as bar:
 
@@ -222,12 +226,15 @@ def _remarks(report: jc.study.accuracy.Report, error: float) -> Iterator[str]:
         if len(methods) == 1 and len(report.tasks) > 1 and len(report.curve(methods[0])) < 2:
             continue  # nothing to choose from
         best = report.cheapest(error, task=task)
-        of = f" of {task}" if task else ""
+        of_task = f" of {task}" if task else ""
         if best is None:
-            yield f"No setting tried holds an error{of} of {error:g} together with all tighter ones.\n"
+            yield (
+                f"No setting tried holds an error{of_task} of {error:g} together with all tighter "
+                "ones.\n"
+            )
         else:
             yield (
-                f"Cheapest for an error{of} of {error:g}: {best.method}, {best.setting}, "
+                f"Cheapest for an error{of_task} of {error:g}: {best.method}, {best.setting}, "
                 f"{_duration(best.seconds)}.\n"
             )
 
@@ -247,7 +254,7 @@ def _side_by_side(report: jc.study.accuracy.Report):
                     yield first if seconds == best else _times(seconds / best)
 
     columns = {f"{at:.0e}": list(cells(at)) for at in report.reachable}
-    methods = [method for methods in report.tasks.values() for method in methods]
+    methods = list(chain.from_iterable(report.tasks.values()))
     title = "Time for an error of at most ..., and how many times as long other methods take"
     return _tight(column_table(title, {"Method": methods, **columns}))
 
@@ -277,7 +284,9 @@ def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.interface.Me
     if not math.isfinite(row.error):
         return "failed"
     floor = report.floor(row)
-    return f"< {floor:.1e}" if row.error < floor else f"{row.error:.1e}"
+    if row.error < floor:
+        return f"< {floor:.1e}"
+    return f"{row.error:.1e}"
 
 
 def _value(value: Any) -> str:

@@ -96,10 +96,10 @@ def _add(name: str, command: Callable[..., None], panel: str) -> None:
         parameters.append(
             option.replace(annotation=Annotated[kind, info], kind=option.KEYWORD_ONLY)
         )
-    called = _grouping(command, groups)
-    called.__signature__ = inspect.Signature(parameters)  # pyright: ignore
-    called.__annotations__ = {option.name: option.annotation for option in parameters}
-    app.command(name, help=_flowing(text), rich_help_panel=panel)(called)
+    grouped_command = _grouping(command, groups)
+    grouped_command.__signature__ = inspect.Signature(parameters)  # pyright: ignore
+    grouped_command.__annotations__ = {option.name: option.annotation for option in parameters}
+    app.command(name, help=_flowing(text), rich_help_panel=panel)(grouped_command)
 
 
 def _options_of(command: Callable[..., None]) -> tuple[list[inspect.Parameter], dict[str, Any]]:

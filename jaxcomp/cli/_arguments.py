@@ -39,7 +39,9 @@ def assignments(texts: Sequence[str] | None, option: str) -> dict[str, str]:
 
 def names_of(text: str | None) -> list[str] | None:
     """The names in a list with commas; `None` for none."""
-    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+    if text is None:
+        return None
+    return list(filter(None, map(str.strip, text.split(","))))
 
 
 def with_one_unit(parts: Sequence[str]) -> list[str]:
@@ -53,7 +55,9 @@ def with_one_unit(parts: Sequence[str]) -> list[str]:
     parts = [part.strip() for part in parts]
     number = re.match(rf"{NUMBER}\s*", parts[-1])
     unit = parts[-1][number.end() :] if number else ""
-    return [f"{part} {unit}" if unit and re.fullmatch(NUMBER, part) else part for part in parts]
+    if not unit:
+        return parts
+    return [f"{part} {unit}" if re.fullmatch(NUMBER, part) else part for part in parts]
 
 
 def entry(text: str) -> Any:

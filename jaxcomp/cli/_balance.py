@@ -22,7 +22,7 @@ from ._arguments import assignments, changed_scene, names_of, si, speeds_of, wit
 from ._output import Output
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
-from ._tables import column_table, row_table
+from ._tables import column_table, percent_text, row_table
 
 # [-] Of the vibration before: what is left below this is rounding.
 _NOTHING = 1e-9
@@ -74,10 +74,13 @@ class Objective:
         """The balance of the chosen part of a system."""
         import numpy as np
 
-        bounds = None if self.largest is None else _largest(part, self.largest)
+        bounds = None
+        if self.largest is not None:
+            bounds = _largest(part, self.largest)
         if self.limit is not None:
-            has_radii = part.radius is not None and np.isfinite(part.radius).all()
-            cost = 1 / part.radius if has_radii else None
+            cost = None
+            if part.radius is not None and np.isfinite(part.radius).all():
+                cost = 1 / part.radius  # so that masses are least, and not masses times radius
             limit = _limit(part, self.limit)
             return jc.balancing.least_masses(part, limit, cost=cost, largest=bounds)
         if self.method == "min-max":
@@ -386,7 +389,8 @@ def _angles(
         else:
             kind = "correction plane of this balance"
             refuse_unknown(f"--places {name}", name, part.planes, kind)
-        for plane in [name] if name else part.planes:
+        planes = [name] if name else part.planes
+        for plane in planes:
             refuse(plane in angles, f"--places {text}: the places of {plane} are given twice")
             angles[plane] = _places_of(value, f"--places {text}")
     return angles
@@ -486,7 +490,7 @@ def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
                 row["speed"] * RPM,
                 rounded(before * factor, 3),
                 rounded(shown_after * factor, 3),
-                f"{100 * after / before:.0f} %" if before else "",
+                percent_text(after, before, ".0f"),
                 math.hypot(*row["sensitivity"].values()) * factor,
             )
         )

@@ -202,9 +202,9 @@ def stribeck_tables(curve, result: dict[str, Any]):
     """Friction of film and contact over speed, in some twenty rows."""
     heads = ("Speed, rpm", "Friction torque, N m", "of it contact", "Friction coefficient",
              "Smallest film, µm", "Load on the contact")  # fmt: skip
-    every = math.ceil(len(result["speed"]) / 20) or 1
+    stride = math.ceil(len(result["speed"]) / 20) or 1
     rows = []
-    for point in range(0, len(result["speed"]), every):
+    for point in range(0, len(result["speed"]), stride):
         torque = result["friction_torque"][point]
         contact_share = result["contact_torque"][point] / torque
         load_share = result["contact_load"][point] / result["load"]

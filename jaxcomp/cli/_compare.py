@@ -129,15 +129,15 @@ def sensitivity_tables(sensitivities: jc.study.Sensitivity, rows: int) -> Iterat
     for name, unit, value in rows_of:
         look = shown(name, unit, value)
         ranked = sensitivities.ranking(name)
-        listed = []
+        table_rows = []
         for relative in (True, False):
             entries = [entry for entry in ranked if entry.relative is relative]
-            listed += [(entry.part, entry.value, entry.change) for entry in entries[:rows]]
+            table_rows += [(entry.part, entry.value, entry.change) for entry in entries[:rows]]
             if len(entries) > rows:
-                listed.append((f"and {len(entries) - rows} more with less", "", ""))
-            listed.append(())
+                table_rows.append((f"and {len(entries) - rows} more with less", "", ""))
+            table_rows.append(())
         title = f"{look.words} {look.text(float(value))}: its change with every number"
-        table = row_table(title, ("Number", "Value", "Change"), listed)
+        table = row_table(title, ("Number", "Value", "Change"), table_rows)
         idle = len(sensitivities.numbers) - len(ranked)
         if idle:
             subject = "number of the machine has" if idle == 1 else "numbers of the machine have"

@@ -70,8 +70,8 @@ def _on_grid(
         laws[f"joint_force.{name} [N]"] = np.hypot(*force)
     if turn.pressure is not None:
         for number, pressure in enumerate(turn.pressure, 1):
-            several = f".{number}" if len(turn.pressure) > 1 else ""
-            laws[f"pressure{several} [Pa]"] = pressure
+            suffix = f".{number}" if len(turn.pressure) > 1 else ""
+            laws[f"pressure{suffix} [Pa]"] = pressure
     period = float(orbit.period)
     out = {}
     for name, values in columns.items():
@@ -95,21 +95,21 @@ def _of_gas(state: jc.study.SteadyState, angle: np.ndarray) -> dict[str, Any]:
     out = {}
     phases = np.asarray(compressor.crankshaft.phase)
     for number, phase in enumerate(phases):
-        several = f".{number + 1}" if len(phases) > 1 else ""
+        suffix = f".{number + 1}" if len(phases) > 1 else ""
         cylinder_angle = angle + phase
         if cycle is None:
             mechanism = of_cylinder(compressor.mechanism, number + 1)
             top = mechanism.piston_extremes()[0]
             stroke = top - mechanism.piston(cylinder_angle)[0]
-            out[f"displaced_volume{several} [m^3]"] = np.asarray(mechanism.piston_area * stroke)
+            out[f"displaced_volume{suffix} [m^3]"] = np.asarray(mechanism.piston_area * stroke)
             continue
         if not isinstance(cycle, SeveralCycles):
-            out |= _of_cycle(cycle, cylinder_angle, several)
+            out |= _of_cycle(cycle, cylinder_angle, suffix)
             continue
         for side in range(cycle.sides):
             end: Any = jax.tree.map(itemgetter(cycle.sides * number + side), cycle.each)
             # The crank end counts its own angle from half a revolution later.
-            out |= _of_cycle(end, cylinder_angle + side * np.pi, _OF_SIDE[side] + several)
+            out |= _of_cycle(end, cylinder_angle + side * np.pi, _OF_SIDE[side] + suffix)
     return out
 
 

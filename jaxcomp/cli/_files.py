@@ -311,7 +311,9 @@ def _schema_title(file: Path) -> str:
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return ""
-    return str(content.get("title", "")) if isinstance(content, dict) else ""
+    if not isinstance(content, dict):
+        return ""
+    return str(content.get("title", ""))
 
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:
@@ -330,10 +332,10 @@ def _parts() -> tuple[list[dict[str, Any]], Table]:
 
 def _explained_lines(explanation: jc.scene.interface.Explained) -> list[Table | Text]:
     """Lines on a part: its meaning, where it may stand, its entries, and how it is typed."""
-    rows = (
-        (e.name, e.unit, e.bound, "required" if e.required else e.default or "none", e.doc)
-        for e in explanation.entries
-    )
+    rows = []
+    for entry in explanation.entries:
+        default = "required" if entry.required else entry.default or "none"
+        rows.append((entry.name, entry.unit, entry.bound, default, entry.doc))
     heads = ("Entry", "Unit", "Must be", "Default", "Meaning")
     where = Text("May stand as ").append(", ".join(explanation.places))
     example = Text(explanation.example + "\n", no_wrap=True, overflow="ignore")

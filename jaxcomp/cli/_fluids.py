@@ -10,7 +10,7 @@ from rich.table import Table
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from ._start import CommandError, start_jax
-from ._tables import bold, row_table
+from ._tables import bold, number_text, row_table
 
 # What the quality of a pair is worth, in words that a report can be judged by.
 _QUALITIES = {
@@ -43,8 +43,8 @@ def list_fluids() -> tuple[dict[str, Any], list[Table]]:
         entry = blend_entry(blend.name)
         mixed.append(entry)
         glide = entry.get("glide")
-        shown = "" if glide is None else f"{glide:.2f}"
-        rows.append((bold(blend.name), blend.quality, _composition(blend.mass_fractions), shown))
+        composition = _composition(blend.mass_fractions)
+        rows.append((bold(blend.name), blend.quality, composition, number_text(glide, ".2f")))
     title = "Blends of ASHRAE 34; A: departure functions for all pairs, B: some pairs are fits"
     heads = ("Name", "Class", "By mass [%]", "Glide at 0 degC [K]")
     tables.append(_words(title, heads, rows))

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,7 +20,7 @@ from ._map import axis
 from ._options import Case, Solver, chosen_solver
 from ._output import Output, Partial
 from ._start import CommandError, refuse, waiting
-from ._tables import row_table
+from ._tables import number_text, row_table
 
 Loss = Literal["linear", "soft_l1", "huber"]
 # Readings of a quantity that are printed one by one.
@@ -47,11 +46,11 @@ class Polynomials:
         speeds: list[float | None] = [None]
         if self.speed is not None:
             speeds = [speed_of(text, "--speed") for text in self.speed.split(",")]
-        return [
-            read_measurement(file, scene.machine, *over, speed).solved_by(method)
-            for file in files
-            for speed in speeds
-        ]
+        measurements = []
+        for file, speed in product(files, speeds):
+            measurement = read_measurement(file, scene.machine, *over, speed)
+            measurements.append(measurement.solved_by(method))
+        return measurements
 
 
 @dataclass(frozen=True)
@@ -149,9 +148,11 @@ def identify(
     else:
         scene, bounds, priors = _by_recipe(scene, data_sets)
     priors |= _priors(scene, prior)
-    held = split.held_out(data_sets, seed)
-    prediction_points = None if predict is None else polynomials.read([predict], scene, method)[0]
-    options = {"sd": _deviations(data_sets, sd), "hold_out": held}
+    held_out = split.held_out(data_sets, seed)
+    prediction_points = None
+    if predict is not None:
+        prediction_points = polynomials.read([predict], scene, method)[0]
+    options = {"sd": _deviations(data_sets, sd), "hold_out": held_out}
     options |= {"loss": loss, "starts": starts, "seed": seed}
     identification, prediction = _identified(
         scene, data_sets, bounds, priors, options, prediction_points, output.out
@@ -223,7 +224,7 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
                 look.number(parameter["start"]),
                 look.number(parameter["estimate"]),
                 f"{parameter['standard_error']:.5g}",
-                "" if math.isnan(share) else f"{share:.0%}",
+                number_text(share, ".0%"),
             )
         )
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
@@ -242,11 +243,11 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
             size = _error(float((error**2).mean() ** 0.5), *identification.kinds[quantity], look)
             yield f"{look.label}: {error.size} readings, RMS error {size.lstrip('+')}."
     rows = []
-    for quantity, held in identification.held_out.items():
+    for quantity, statistics in identification.held_out.items():
         kind = identification.kinds[quantity]
         look = looks[quantity]
-        size = (_error(x, *kind, look).lstrip("+") for x in (held.rms, held.largest))
-        rows.append((quantity, str(held.count), *size, f"{held.inside:.0%}"))
+        size = (_error(x, *kind, look).lstrip("+") for x in (statistics.rms, statistics.largest))
+        rows.append((quantity, str(statistics.count), *size, f"{statistics.inside:.0%}"))
     if rows:
         heads = ("Points not fitted", "Count", "RMS", "Largest", "Inside 95 %")
         yield row_table("Predicted", heads, rows)
@@ -280,7 +281,9 @@ def _readings(identification, quantity: str, look: Shown):
 def _error(value: float, unit: str, relative: bool, look) -> str:
     if relative:
         return f"{100 * value:+.2f} %"
-    return f"{value:+.2f} K" if unit == "K" else f"{value * look.factor:+.3g}"
+    if unit == "K":
+        return f"{value:+.2f} K"
+    return f"{value * look.factor:+.3g}"
 
 
 def prediction_tables(entries, prediction) -> Iterator[Any]:

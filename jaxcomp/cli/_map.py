@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from math import pi
 from typing import Annotated, Any, Literal
 
@@ -16,7 +15,7 @@ from ._arguments import changed_scene, with_one_unit
 from ._output import Output
 from ._start import refuse, waiting
 from ._sweep import axis_values
-from ._tables import row_table
+from ._tables import number_text, row_table
 
 # Temperatures of a map on each side.
 _MOST = 100
@@ -176,7 +175,7 @@ def map_tables(points, name: str, glide: str = ""):
         values = (points.values[quantity] * look.factor).tolist()
         rows: list[Any] = []
         for evaporating, row in zip(points.evaporating.tolist(), values, strict=True):
-            cells = ("" if math.isnan(value) else f"{value:.4g}" for value in row)
+            cells = (number_text(value, ".4g") for value in row)
             rows.append((f"{evaporating - ZERO:.4g}", *cells))
         yield row_table(f"{name}: {look.label}, over condensing temperature, °C", heads, rows)
     if glide:

@@ -19,7 +19,7 @@ from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
 from ._output import Output, Partial
 from ._start import refuse, start_jax, waiting
-from ._tables import bold, comparison_table, row_table
+from ._tables import bold, comparison_table, number_text, row_table
 
 # Status of the program where no design keeps the constraints.
 _NOT_FEASIBLE = 3
@@ -330,7 +330,7 @@ def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     names = [shown(objective["name"], objective["unit"], 1.0).words for objective in objectives]
     rows: list[Any] = []
     for point in result["points"]:
-        exchange = "" if point["exchange"] is None else f"{point['exchange']:.3g}"
+        exchange = number_text(point["exchange"], ".3g")
         status = "dominated" if point["dominated"] else point["status"]
         values = _texts(objectives, point["objectives"], 6)
         rows.append((*values, *_texts(variables, point["values"]), exchange, status))

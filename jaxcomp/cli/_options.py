@@ -32,7 +32,8 @@ def complete_machine(incomplete: str) -> list[tuple[str, str]]:
         if file.stem.startswith(incomplete):
             candidates.append((file.stem, _tables(file).get("description", "")))
     folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
-    for file in sorted(folder.glob("*")) if folder.is_dir() else ():
+    files = sorted(folder.glob("*")) if folder.is_dir() else ()
+    for file in files:
         name = f"{file}/" if file.is_dir() else str(file)
         if name.startswith(incomplete) and (file.is_dir() or file.suffix == ".toml"):
             candidates.append((name, "machine file" if file.suffix == ".toml" else "folder"))
@@ -115,8 +116,9 @@ def analysis_options(
     plain = solver == "collocation"
     if plain and accuracy == "fine" and cycle is None:
         return jc.AnalysisOptions(None, excitation)
-    nodes, tolerance = (12, 1e-10) if accuracy == "fast" else (8, 1e-5)
-    method = jc.Collocation(nodes, reversals=0, tolerance=tolerance)
+    method = jc.Collocation(8, reversals=0, tolerance=1e-5)
+    if accuracy == "fast":
+        method = jc.Collocation(12, reversals=0, tolerance=1e-10)
     if not plain or accuracy == "fine":
         if scene.machine.compressor is None:
             return jc.AnalysisOptions(None, excitation)

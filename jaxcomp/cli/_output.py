@@ -299,7 +299,9 @@ def json_text(
 
 def _with_units(result: dict[str, Any], units: Table | None) -> dict[str, Any]:
     """Plain numbers with their units in their keys; those of the command if none are given."""
-    return with_units(result, table_of(command_name()) if units is None else units)
+    if units is None:
+        units = table_of(command_name())
+    return with_units(result, units)
 
 
 def print_json(result: dict[str, Any], units: Table | None = None) -> None:

@@ -191,13 +191,13 @@ def _pressures(solved: dict[str, Any]):
 def _limits(solved: dict[str, Any]):
     rows = []
     for limit in solved["limits"]:
-        what = f"order {limit['order']}" if limit["order"] else "unfiltered"
-        shown = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
+        filter_text = f"order {limit['order']}" if limit["order"] else "unfiltered"
+        percent_texts = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
         passed = "passed" if limit["margin"] < 1 else ""
-        rows.append((limit["place"], what, *shown, f"{limit['margin']:.4g}", passed))
+        rows.append((limit["place"], filter_text, *percent_texts, f"{limit['margin']:.4g}", passed))
     for place, limit in solved["approach_1"].items():
-        shown = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
+        percent_texts = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
         margin = limit["allowed"] / max(limit["value"], 1e-12)
-        rows.append((place, "unfiltered, approach 1", *shown, f"{margin:.4g}", ""))
+        rows.append((place, "unfiltered, approach 1", *percent_texts, f"{margin:.4g}", ""))
     heads = ("API 618, peak to peak", "", "Pulsation", "Allowed", "Margin", "")
     return row_table(None, heads, rows)

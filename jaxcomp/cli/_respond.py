@@ -151,16 +151,17 @@ def _short(value: float) -> str:
     """Three digits in five characters, so that the table fits a narrow terminal; JSON has all."""
     if not value >= 0.01:
         return "<0.01" if value > 0 else "0"
-    return f"{value:.3g}" if value >= 0.1 else f"{value:.3f}"
+    if value >= 0.1:
+        return f"{value:.3g}"
+    return f"{value:.3f}"
 
 
 def _linearised(result, linearisations):
     """Vibration and films with the films linearised at their mean load and along the orbits."""
     rows = []
     for begin, name, n, s in _each(result, {name: name for name in result["nodes"]}):
-        at_mean, on_orbit = (
-            linearisations[place]["major_axis"][name][n][s] for place in ("mean_load", "orbit")
-        )
+        at_mean = linearisations["mean_load"]["major_axis"][name][n][s]
+        on_orbit = linearisations["orbit"]["major_axis"][name][n][s]
         change = f"{100 * (on_orbit / at_mean - 1):+.2g}" if at_mean else ""
         rows.append((*begin, _short(1e6 * at_mean), _short(1e6 * on_orbit), change))
     title = "Major axis in µm with the films linearised at their mean load, or along their orbits"

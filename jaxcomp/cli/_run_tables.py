@@ -11,7 +11,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, ZERO_CELSIUS, axes_words, shown
-from ._tables import Markup, row_table, words
+from ._tables import Markup, number_text, percent_text, row_table, words
 
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
@@ -57,16 +57,17 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     if bore is not None:
         size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
         volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        each = "" if count == 1 else f" in each of {count} cylinders"
+        extent = "" if count == 1 else f" in each of {count} cylinders"
         if getattr(compressor.gas, "rod_diameter", None) is not None:
-            each = f" on both sides{each}"
+            extent = f" on both sides{extent}"
         if listed(compressor.mechanism):
-            each = " in the first of them"
-        rows.append(("Bore x stroke", size, f"{volume} swept{each}"))
-    low, high = (f"{RPM * result[f'{end}_speed']:.5g}" for end in ("lowest", "highest"))
+            extent = " in the first of them"
+        rows.append(("Bore x stroke", size, f"{volume} swept{extent}"))
+    low = RPM * result["lowest_speed"]
+    high = RPM * result["highest_speed"]
     notes = {
         "mean_speed": f"{result['mean_speed']:.5g} rad/s",
-        "speed_fluctuation": f"{low} to {high} rpm",
+        "speed_fluctuation": f"{low:.5g} to {high:.5g} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
     for quantity in jc.study.interface.crank_quantities(scene.machine):
@@ -112,15 +113,14 @@ def _losses(result: dict[str, Any]):
     total = sum(result["losses"].values())
 
     def row(name, loss, power, share):
-        of_motor = f"{100 * loss / motor:.2f} %" if motor else ""
-        return name, loss, power, share, of_motor
+        return name, loss, power, share, percent_text(loss, motor)
 
     rows = []
     for name, loss in sorted(result["losses"].items(), key=lambda item: -item[1]):
         share = f"{100 * result['loss_share'][name]:.1f} %"
         rows.append(row(words(name), loss, result["loss_power"][name], share))
     rows.append(())
-    rows.append(row("Total", total, result["friction_power"], "100.0 %" if total else ""))
+    rows.append(row("Total", total, result["friction_power"], percent_text(total, total, ".1f")))
     numbers = (("J per revolution", ".4g"), ("W", ".4g"))
     heads = ("Friction loss", *numbers, "Share of losses", "Of motor work")
     return row_table(None, heads, rows)
@@ -136,8 +136,7 @@ def _power(result: dict[str, Any]):
         use = power.get(name, 0.0)
         # a use that is rounding beside the total is none
         if abs(use) > 1e-12 * abs(total):
-            share = f"{100 * use / total:.2f} %" if total else ""
-            rows.append((words(name), f"{use:.4g}", share))
+            rows.append((words(name), f"{use:.4g}", percent_text(use, total)))
     rows += [(), ("Total", f"{total:.5g}", "100.00 %"), ()]
     rows += [(words(name), "", f"{100 * share:.2f} %") for name, share in volume.items()]
     return row_table(None, ("Use of power, then of the swept volume", "W", "Share"), rows)
@@ -161,9 +160,9 @@ def _pipes(result: dict[str, Any]):
     rows = []
     for node in nodes:
         drop = drops.get(node)
-        lost = "" if drop is None else f"{drop:.4g}"
         orders = [f"{values[f'{node}.order_{order}']:.4g}" for order in range(1, 5)]
-        rows.append((node, values[f"{node}.peak_to_peak"], *orders, lost))
+        peak = values[f"{node}.peak_to_peak"]
+        rows.append((node, peak, *orders, number_text(drop, ".4g")))
     orders = tuple(f"Order {order}" for order in range(1, 5))
     heads = ("Pressure in pipes", ("Peak to peak, Pa", ".5g"), *orders, "Mean drop, Pa")
     caption = f"least limit of API 618 over its pulsation: {result['pulsation_margin']:.3g}"
@@ -237,7 +236,7 @@ def _api_618(sheet: dict[str, Any]) -> Iterator[Any]:
     keys = ("force_x", "force_y", "couple_x", "couple_y")
     # where the throws balance each other, rounding is left
     force = max(throw["inertia_compression"] for throw in sheet["throws"])
-    couple = max(row[key] for row in sheet["unbalanced"] for key in keys[2:])
+    couple = max(max(row["couple_x"], row["couple_y"]) for row in sheet["unbalanced"])
     scales = (force, force, couple, couple)
     rows = []
     for row in sheet["unbalanced"]:
@@ -280,15 +279,12 @@ def _rod_loads(throws: list[dict[str, Any]]):
     loads = []
     for kind in ("gas", "inertia", "combined"):
         loads += [f"{kind}_compression", f"{kind}_tension"]
-    rows = [
-        (
-            str(throw["cylinder"]),
-            *(throw[load] / 1e3 for load in loads),
-            math.degrees(throw["reversal_angle"]),
-            100 * throw["reversal_share"],
-        )
-        for throw in throws
-    ]
+    rows = []
+    for throw in throws:
+        reversal_angle = math.degrees(throw["reversal_angle"])
+        kilonewtons = (throw[load] / 1e3 for load in loads)
+        number = str(throw["cylinder"])
+        rows.append((number, *kilonewtons, reversal_angle, 100 * throw["reversal_share"]))
     heads = []
     for kind in ("Gas", "Inertia", "Combined (gas + inertia)"):
         heads += [(f"{kind}, comp.", ".4g"), (f"{kind}, tens.", ".4g")]
@@ -321,12 +317,12 @@ def _load_steps(steps: list[dict[str, Any]]):
 
 def _journal_films(result: dict[str, Any]):
     """Films of the journals, by the law that was solved and, as far as it is known, by the other one."""
-    moved = result.get("moved_films", {})
+    other_law = result.get("moved_films", {})
     rows = []
     touch = any(loss > 0 for loss in result["contact_loss"].values())
     for name, thickness in result["film_thickness"].items():
         law = "steady"
-        by_other_law = moved.get(name, {}).get("film_thickness")
+        by_other_law = other_law.get(name, {}).get("film_thickness")
         if result["film_law"][name] == "orbit":
             law = "orbit"
             by_other_law = result["steady_film_thickness"][name]
@@ -430,13 +426,16 @@ def undelivered_tables(orbit: jc.Orbit) -> Iterator[Any]:
     from .._core.status import Status
 
     cycles: list[Any] = [orbit.cycle]
-    each = getattr(orbit.cycle, "each", None)  # of several cylinders
-    if each is not None:
-        cycles = [jax.tree.map(lambda x, n=n: x[n], each) for n in range(len(each.angle))]
+    cylinder_cycles = getattr(orbit.cycle, "each", None)  # of several cylinders
+    if cylinder_cycles is not None:
+        cycles = [
+            jax.tree.map(lambda x, n=n: x[n], cylinder_cycles)
+            for n in range(len(cylinder_cycles.angle))
+        ]
     for number, cycle in enumerate(cycles, 1):
         if cycle.status != Status.no_delivery:
             continue
-        where = "Cylinder" if each is None else f"Cylinder {number}"
+        where = "Cylinder" if cylinder_cycles is None else f"Cylinder {number}"
         look = shown("temperature", "K", cycle.temperature)
         angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
         nodes = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]

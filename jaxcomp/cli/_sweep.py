@@ -87,20 +87,21 @@ def sweep(
         "batch": batch,
         "devices": devices,
     }
-    of = jc.study.sweep
     with cluster(dask) as client:
         options |= {"options": analysis.options(scene), "client": client}
         if layout_scenes:
             options["dimension"] = _LAYOUT
-            dataset = of.interface.sweep_machines(layout_scenes, axes, quantities, **options)
+            dataset = jc.study.sweep.interface.sweep_machines(
+                layout_scenes, axes, quantities, **options
+            )
         else:
-            dataset = of.sweep(scene, axes, quantities, **options)
+            dataset = jc.study.sweep.sweep(scene, axes, quantities, **options)
     if layout_scenes:
         numbers = {"layouts": _values_of_each(dataset)}
         tables = partial(layouts_tables, dataset)
         figures = partial(jc.plot.interface.machine_figures, dataset, scene.name, _LAYOUT)
     else:
-        numbers = of.interface.summary(dataset)
+        numbers = jc.study.sweep.interface.summary(dataset)
         tables = partial(sweep_tables, dataset)
         figures = partial(jc.plot.interface.sweep_figures, dataset, scene.name)
     output.emit(
@@ -108,7 +109,7 @@ def sweep(
         tables,
         figures,
         scene,
-        {"designs": lambda: of.interface.columns(dataset)},
+        {"designs": lambda: jc.study.sweep.interface.columns(dataset)},
     )
 
 
@@ -125,11 +126,13 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
 
 def _values_of_each(dataset) -> dict[str, dict[str, Any]]:
     """The quantities of all designs of each layout, and how each ended."""
-    of = jc.study.sweep.interface
+    interface = jc.study.sweep.interface
     values = {}
-    for name, part in of.machine_parts(dataset, _LAYOUT).items():
-        columns = {quantity: part[quantity].values for quantity in (*of.quantity_names(part), "ok")}
-        values[name] = columns | {"status": of.status_words(part)}
+    for name, part in interface.machine_parts(dataset, _LAYOUT).items():
+        columns = {
+            quantity: part[quantity].values for quantity in (*interface.quantity_names(part), "ok")
+        }
+        values[name] = columns | {"status": interface.status_words(part)}
     return values
 
 
@@ -200,8 +203,11 @@ def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: 
     if sampled:
         forms = "from:to, log:from:to or normal:mean:deviation with --samples"
         refuse(len(parts) != 2, f"{option}: must have the form {forms}")
-        of = jc.study.sweep
-        distribution = {"": of.uniform, "log": of.log_uniform, "normal": of.normal}[kind]
+        distribution = {
+            "": jc.study.sweep.uniform,
+            "log": jc.study.sweep.log_uniform,
+            "normal": jc.study.sweep.normal,
+        }[kind]
         return _call_checked(distribution, option, *numbers(parts))
     refuse(kind == "normal", f"{option}: needs --samples")
     if len(parts) == 1 and not kind:
@@ -266,13 +272,13 @@ def _failed_table(dataset, result):
     """The first of the designs that failed, each with its status, and what the statuses mean."""
     from .._core.status import status_meaning
 
-    of = jc.study.sweep.interface
+    interface = jc.study.sweep.interface
     failed = ~dataset["ok"].values.ravel()
-    looks = {name: of.shown_column(dataset, name) for name in result["variables"]}
+    looks = {name: interface.shown_column(dataset, name) for name in result["variables"]}
     axes = {name: dataset[name].broadcast_like(dataset["ok"]) for name in looks}
     dims = dataset["ok"].dims
     columns = [axes[name].transpose(*dims).values.ravel()[failed][:_FAILED] for name in looks]
-    statuses = np.asarray(of.status_words(dataset)).ravel()[failed][:_FAILED]
+    statuses = np.asarray(interface.status_words(dataset)).ravel()[failed][:_FAILED]
     rows = []
     for *values, status in zip(*columns, statuses, strict=True):
         rows.append((*map(_cell, looks.values(), values), str(status).replace("_", " ")))

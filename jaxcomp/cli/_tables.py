@@ -27,6 +27,20 @@ def bold(text: str) -> Markup:
     return Markup(f"[bold]{escape(text)}[/bold]")
 
 
+def number_text(value: float | None, form: str) -> str:
+    """A number in a format; "" where it is absent or not finite."""
+    if value is None or not math.isfinite(value):
+        return ""
+    return f"{value:{form}}"
+
+
+def percent_text(part: float, total: float, form: str = ".2f") -> str:
+    """A share in per cent; "" of a total of zero."""
+    if not total:
+        return ""
+    return f"{100 * part / total:{form}} %"
+
+
 def words(name: str) -> str:
     """A name of the code as words."""
     return name.replace("_", " ").capitalize()
@@ -56,7 +70,9 @@ def row_table(
         caption=caption,
         box=box.SIMPLE_HEAD,
     )
-    pairs = [(head, "") if isinstance(head, str) else head for head in heads]
+    pairs = []
+    for head in heads:
+        pairs.append((head, "") if isinstance(head, str) else head)
     for place, (head, _) in enumerate(pairs):
         justify = "left" if place < max(texts, 1) else "right"
         table.add_column(escape(head), justify=justify, no_wrap=place in unbroken)
@@ -150,7 +166,9 @@ def _change(look: Shown, before: float | None, after: float | None) -> str:
         return f"{100 * (after - before):+.2f} points"
     if look.level:
         return f"{look.factor * (after - before):+.2f} {look.unit}"
-    return f"{100 * (after / before - 1):+.2f} %" if before else ""
+    if not before:
+        return ""
+    return f"{100 * (after / before - 1):+.2f} %"
 
 
 # A header that is repeated before every row, where rows become lines.

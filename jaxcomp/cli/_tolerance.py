@@ -18,7 +18,7 @@ from ._arguments import assignments, bounds_of, si
 from ._output import Output, Partial
 from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
-from ._tables import row_table
+from ._tables import number_text, row_table
 
 # Contributors of a table.
 _ROWS = 12
@@ -176,9 +176,16 @@ def tolerance_tables(
         row = result["quantities"][name]
         wide = look.differences
         shares = row["percentiles"]
-        ends = (_value(look, shares[share]) for share in ("5", "95"))
-        middle = (_value(look, row[key]) for key in ("nominal", "mean"))
-        sampled.append((look.label, *middle, _value(wide, row["deviation"]), *ends))
+        sampled.append(
+            (
+                look.label,
+                _value(look, row["nominal"]),
+                _value(look, row["mean"]),
+                _value(wide, row["deviation"]),
+                _value(look, shares["5"]),
+                _value(look, shares["95"]),
+            )
+        )
         cells = []
         for key in ("first_order", "second_order"):
             moments = row[key] or {}  # None where this order was not asked for
@@ -228,13 +235,13 @@ def _probabilities(study: jc.study.tolerance.Tolerances):
         look = study.shown(probability.limit.quantity)
         sign = "<=" if probability.limit.above else ">="
         low, high = probability.sampled_interval
-        near = _cell(probability.near_points, 3)
+        near = number_text(probability.near_points, ".3g")
         rows.append(
             (
                 f"{look.words} {sign} {look.text(probability.limit.bound)}",
-                _cell(probability.beta, 4),
-                _cell(probability.first_order, 3),
-                _cell(probability.second_order, 3),
+                number_text(probability.beta, ".4g"),
+                number_text(probability.first_order, ".3g"),
+                number_text(probability.second_order, ".3g"),
                 near and f"{near} ± {probability.near_points_error:.1g}",
                 f"{probability.sampled:.3g} ({low:.2g} to {high:.2g})",
             )
@@ -244,8 +251,6 @@ def _probabilities(study: jc.study.tolerance.Tolerances):
 
 
 def _value(look: Shown, value: float | None) -> str:
-    return "" if value is None or not math.isfinite(value) else look.number(value)
-
-
-def _cell(value: float | None, digits: int) -> str:
-    return "" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+    if value is None or not math.isfinite(value):
+        return ""
+    return look.number(value)

@@ -45,11 +45,11 @@ def refuse_files_of_user(folder: Path, names: Iterable[str], force: bool) -> Non
         if (folder / name).exists() and written.get(name) != _checksum_of(folder / name)
     ]
     if foreign:
-        listed = ", ".join(foreign[:_FEW])
+        file_names = ", ".join(foreign[:_FEW])
         if len(foreign) > _FEW:
-            listed += ", ..."
+            file_names += ", ..."
         raise CommandError(
-            f"--out {folder}: has {listed}, which no command wrote, or which was changed since; name "
+            f"--out {folder}: has {file_names}, which no command wrote, or which was changed since; name "
             "another folder, or add --force to write over it"
         )
 

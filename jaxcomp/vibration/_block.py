@@ -201,6 +201,7 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
         response: [m, rad] of the block.
         time: [s] (t,)
     """
+    # d/dt of Re x e^{iwt}
     rate = Harmonics(1j * response.frequency * response.amplitude, response.speed)
     return BlockMotion(response.at(time).T, rate.at(time).T)
 

@@ -120,6 +120,7 @@ def film_loads(
         state: periodic state of the crank.
     """
     films = main_films(rotor, pins[0])
+    # The nodes stand in angle; a mean over time weighs them by dt = d(angle)/speed.
     share = state.weight / state.state.speed
     crankshaft = compressor.crankshaft
     share = share / jnp.sum(share)
@@ -296,6 +297,7 @@ def loaded_rotor(
             "`loads.crank` has it from the crank"
         )
         raise BadInput(f"rotor.links.{opened[0]}.law.load", None, bound)
+    # At rest there is no revolution over which a force has a mean.
     speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
@@ -312,10 +314,10 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
         orbit = solve_orbit(at_speed(compressor, speed), solver, throw=False)
         # Held at its speed the crank has a periodic state even where the machine has none.
         motor = replaced(ConstantSpeed(1.0), mean_speed=speed)
-        held = eqx.tree_at(
+        held_compressor = eqx.tree_at(
             lambda c: (c.motor, c.friction), compressor, (motor, None), is_leaf=lambda x: x is None
         )
-        held_orbit = solve_orbit(held, solver, throw=False)
+        held_orbit = solve_orbit(held_compressor, solver, throw=False)
         loads = film_loads(rotor, compressor, pins, orbit)
         held_loads = film_loads(rotor, compressor, pins, held_orbit)
         # Where there is no periodic state there is no orbit to average along: there the films that ask

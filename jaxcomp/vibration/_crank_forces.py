@@ -65,7 +65,7 @@ def crank_forces(
     if not isinstance(mechanism, SliderCrank | SliderLink):
         raise BadInput("mechanism", kind_text(mechanism), "a slider-crank or slider-link")
     angle = state.state.angle
-    lost = state.loads.loss_torque
+    loss_torques = state.loads.loss_torque
     none = jnp.zeros_like(angle)
     phase = state.mean_speed * state.time + first_top(compressor)
     # The nodes stand in angle; a mean over time weighs them by dt = d(angle)/speed.
@@ -88,7 +88,9 @@ def crank_forces(
         for name in _PRESSED:
             if joints[name] in state.loads.forces:
                 at[name] = state.loads.forces[joints[name]]
-        losses = {name: lost.get(joints[name], none) for name in ("crank_pin", "piston_pin")}
+        losses = {
+            name: loss_torques.get(joints[name], none) for name in ("crank_pin", "piston_pin")
+        }
         pin, torque, side, lever = of_joints(single, cylinder_angle, at, losses)
         # M_z = x F_y - y F_x about the node of the wall: the friction acts along y = offset.
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
@@ -107,7 +109,9 @@ def crank_forces(
             forces.append(PeriodicForce(node, None, orders, *table, *turning))
     if nodes.rotor is not None:
         # What brakes the shaft in the crankcase acts between rotor and stator, as the motor does.
-        at_shaft = sum((lost[name] for name in lost if name not in of_pins), start=none)
+        at_shaft = sum(
+            (loss_torques[name] for name in loss_torques if name not in of_pins), start=none
+        )
         between = state.motor_torque - at_shaft
         turning = jnp.stack([none, none, between])
         (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
@@ -121,7 +125,7 @@ _PRESSED = ("crank_pin", "wall", "wall_crown", "wall_edge", "piston_film")
 _OF_CYLINDER = (*_PRESSED, "packing", "piston_pin", "link_slider")
 
 
-def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
+def _rod_and_wall(mechanism: SliderCrank, angle, forces, loss_torques):
     """Forces of a slider-crank on crank and crankcase, in the axes of its cylinder.
 
     Returns:
@@ -134,12 +138,12 @@ def _rod_and_wall(mechanism: SliderCrank, angle, forces, lost):
     # Friction turns the pin against the crank, and the piston (so the wall) along with the rod.
     # A loss torque is power over crank speed; the crank pin slides at 1 + tilt' times that speed,
     # the piston pin at tilt', without which it loses nothing.
-    torque = _pin_torque(mechanism, angle, rod) - lost["crank_pin"] / (1 + tilt)
+    torque = _pin_torque(mechanism, angle, rod) - loss_torques["crank_pin"] / (1 + tilt)
     lever = mechanism.piston(angle)[0] * side[1]
-    return rod, torque, side, lever - lost["piston_pin"] / jnp.where(tilt == 0, 1.0, tilt)
+    return rod, torque, side, lever - loss_torques["piston_pin"] / jnp.where(tilt == 0, 1.0, tilt)
 
 
-def _slider_and_wall(mechanism: SliderLink, angle, forces, lost):
+def _slider_and_wall(mechanism: SliderLink, angle, forces, loss_torques):
     """Forces of a slider-link on crank and crankcase. The piston touches with opposite sides of its
     diameter.
 
@@ -147,7 +151,7 @@ def _slider_and_wall(mechanism: SliderLink, angle, forces, lost):
     missing in the moments.
     """
     pin = -forces["crank_pin"]
-    torque = _pin_torque(mechanism, angle, pin) - lost["crank_pin"]
+    torque = _pin_torque(mechanism, angle, pin) - loss_torques["crank_pin"]
     crown = -forces["wall_crown"]
     edge = -forces["wall_edge"]
     at_crown = mechanism.piston(angle)[0]

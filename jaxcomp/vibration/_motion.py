@@ -189,6 +189,7 @@ def rotor_motion(
             links[_link_name(design, number)] = of_axes
     curves = linearised = None
     if over is not None:
+        # unchecked: a speed without a response is a gap in the curve, and no error
         over_range = answer(design, np.asarray(over))
         major = np.where(np.asarray(over_range.ok), _major(_relative(over_range, watched)), np.nan)
         curves = MotionOverSpeed(orders, np.asarray(over), dict(zip(watched, major, strict=True)))

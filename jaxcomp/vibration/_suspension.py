@@ -145,6 +145,7 @@ def block_points(suspension: Suspension) -> dict[str, Float[Array, "3"]]:
 
 def motion_at(suspension: Suspension, point: Float[Array, "3"]) -> Float[Array, "3 6"]:
     """Matrix from the six degrees of freedom to the displacement of a point [m] of the block."""
+    # rotations are small, so that they act one by one and in any order
     x, y, z = point - suspension.mass_centre
     zero = jnp.zeros_like(x)
     turning = jnp.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]])  # rotation x arm

@@ -100,18 +100,18 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
 def _(compressor: Compressor, state: CrankState) -> Wrench:
     crankshaft = compressor.crankshaft
     cylinder_state = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
-    each = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), cylinder_state)
+    wrenches = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), cylinder_state)
     second = Vector(*rotating(*state)[1])
     pulls = crankshaft.crank_pulls(second, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
     pull, tilting = (vector.stacked() for vector in pulls)
-    force = crankshaft.turned(Vector(each.force[0], each.force[1])).stacked()
+    force = crankshaft.turned(Vector(wrenches.force[0], wrenches.force[1])).stacked()
     place = crankshaft.along(crankshaft.position, state.angle)
     total = jnp.sum(force, axis=1) - pull
     # sum of z F, from the origin
     levered = jnp.sum(place * force, axis=1) - tilting - crankshaft.origin * total
     # r x F of a force across the shaft: M_x = -z F_y, M_y = z F_x.
     assert crankshaft.inertia is not None
-    turning = jnp.sum(each.moment[2], axis=0) - crankshaft.inertia * state.acceleration
+    turning = jnp.sum(wrenches.moment[2], axis=0) - crankshaft.inertia * state.acceleration
     return Wrench(
         jnp.stack([*total, jnp.zeros_like(turning)]), jnp.stack([-levered[1], levered[0], turning])
     )
