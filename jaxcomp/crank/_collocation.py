@@ -18,8 +18,8 @@ from ..compressor import Compressor, instants, kink_angles, loop_of
 from ..cylinder import CycleOptions, Cylinder
 from ..mechanism import CrankState
 from ._evaluation import orbit_of_motion, orbit_on_panels
-from ._iteration import Known, Resolution, motor_steepness, prepare, revolution_edges
-from ._journals import FEWEST_PANELS, moving
+from ._iteration import OrbitParameters, Resolution, motor_steepness, prepare, revolution_edges
+from ._journals import FEWEST_PANELS, orbiting_journals
 from ._motion import closure_of
 from ._orbit import Energy, Orbit
 from ._panels import panels
@@ -107,20 +107,22 @@ class Collocation(eqx.Module):
         problem = self.problem(compressor)
         kinks = kink_angles(compressor)
         count = self.panel_count
-        if count is None and kinks.size < FEWEST_PANELS and moving(compressor):
+        if count is None and kinks.size < FEWEST_PANELS and orbiting_journals(compressor):
             count = FEWEST_PANELS
-        bare = compressor.frictionless and compressor.gas is None
-        if count is None and kinks.size < _FRICTIONLESS_PANELS and bare:
+        inertia_alone = compressor.frictionless and compressor.gas is None
+        if count is None and kinks.size < _FRICTIONLESS_PANELS and inertia_alone:
             count = _FRICTIONLESS_PANELS
         if count is not None:
             kinks = _of_count(kinks, count)
-        known = prepare(compressor, revolution_edges(kinks))
+        parameters = prepare(compressor, revolution_edges(kinks))
         if self.panel_count is None and closure_of(compressor.motor).needs_steepness:
-            known = _with_layers(known)
+            parameters = _with_layers(parameters)
         if compressor.frictionless and not closure_of(compressor.motor).integrates:
-            return _explicit_orbit(known, problem.resolution, self.name)
-        motion, (_, report) = fixed_point(problem, known)
-        return orbit_of_motion(known, problem.resolution, motion, report, self.name, self.estimate)
+            return _explicit_orbit(parameters, problem.resolution, self.name)
+        motion, (_, report) = fixed_point(problem, parameters)
+        return orbit_of_motion(
+            parameters, problem.resolution, motion, report, self.name, self.estimate
+        )
 
 
 def default_collocation(compressor: Compressor) -> Collocation:
@@ -139,7 +141,7 @@ def default_collocation(compressor: Compressor) -> Collocation:
         return Collocation(reversals=compressor.load_reversals)
     if isinstance(compressor.gas, Cylinder):
         return Collocation(reversals=0)
-    if moving(compressor) or compressor.frictionless:
+    if orbiting_journals(compressor) or compressor.frictionless:
         return Collocation(reversals=0, panel_count=_PANELS)
     nodes, grading = _OF_SEVERAL[min(count, max(_OF_SEVERAL))]
     reversals = compressor.load_reversals
@@ -166,16 +168,23 @@ def tabulated_points(compressor: Compressor) -> int:
     def events(gas):
         angles = gas.event_angles()
         shares = gas.event_shares()
-        return (None if isinstance(angles, tuple) else angles), shares
+        # laws without events answer with an empty tuple
+        if isinstance(angles, tuple):
+            angles = None
+        return angles, shares
 
+    # by their shapes alone, which a traced machine has as well
     angles, shares = eqx.filter_eval_shape(events, gas)
-    points = 0 if angles is None else angles.shape[-1]
+    points = 0
+    if angles is not None:
+        points += angles.shape[-1]
     if shares is not None:
+        # a stroke share is met on the way out and on the way back
         points += 2 * shares.shape[-1]
     return points * compressor.crankshaft.count
 
 
-def _with_layers(known: Known) -> Known:
+def _with_layers(parameters: OrbitParameters) -> OrbitParameters:
     """Kinks with an edge behind each: there the slip of a stiff motor follows a jump of the load.
 
     It does so within an angle of one over the steepness. With a panel twice as wide the fluctuation of
@@ -183,23 +192,24 @@ def _with_layers(known: Known) -> Known:
     motor the panel has no width: a cut would make estimates smaller, and errors at load reversals not.
     Of several cylinders the panels are many, and none is added.
     """
-    if known.compressor.crankshaft.count > 1:
-        return known
-    kinks = known.edges[:-1]
-    width = jnp.diff(known.edges)
+    if parameters.compressor.crankshaft.count > 1:
+        return parameters
+    kinks = parameters.edges[:-1]
+    width = jnp.diff(parameters.edges)
     # in much narrower panels the rounding of their angles would count
-    layer = jnp.maximum(2 / jnp.maximum(motor_steepness(known), 1e-3), 1e-4)
+    layer = jnp.maximum(2 / jnp.maximum(motor_steepness(parameters), 1e-3), 1e-4)
     # continuous in the stiffness: wider with the layer, then narrower again
     layer = jnp.clip(jnp.minimum(layer, 0.75 * width - layer), 0.0, None)
     layer = jnp.where(layer < 1e-4, 0.0, layer)
     kinks = jnp.sort(jnp.concatenate([kinks, kinks + layer]))
-    return eqx.tree_at(lambda k: k.edges, known, revolution_edges(kinks))
+    return eqx.tree_at(lambda k: k.edges, parameters, revolution_edges(kinks))
 
 
 def _of_count(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:
     """Edges of panels, as many as wanted, from the sorted kinks; see `Collocation`."""
     if count < kinks.size:
-        # the first of them, and those that lie farthest behind the one before
+        # the first of them, and those that lie farthest behind the one before; which these are has no
+        # derivative, their angles have
         _, place = lax.top_k(lax.stop_gradient(jnp.diff(kinks)), count - 1)
         kinks = jnp.concatenate([kinks[:1], kinks[1 + jnp.sort(place)]])
     while kinks.size < count:
@@ -207,8 +217,10 @@ def _of_count(kinks: Float[Array, " k"], count: int) -> Float[Array, " count"]:
     # edges that all but coincide serve better between others
     gap, place = lax.top_k(-lax.stop_gradient(jnp.diff(kinks)), count // 2)
     middle, width = _halves(kinks, count // 2)
-    kept = kinks[1 + place]
-    return jnp.sort(kinks.at[1 + place].set(jnp.where(-gap < _COINCIDING * width, middle, kept)))
+    behind_gap = kinks[1 + place]
+    return jnp.sort(
+        kinks.at[1 + place].set(jnp.where(-gap < _COINCIDING * width, middle, behind_gap))
+    )
 
 
 def _halves(kinks: Float[Array, " k"], count: int):
@@ -218,10 +230,10 @@ def _halves(kinks: Float[Array, " k"], count: int):
     return 0.5 * (edges[place] + edges[place + 1]), width
 
 
-def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
+def _explicit_orbit(parameters: OrbitParameters, resolution: Resolution, solver: str) -> Orbit:
     """At a given speed without friction nothing is left to solve."""
-    compressor = known.compressor
-    grid = panels(known.edges, resolution.nodes)
+    compressor = parameters.compressor
+    grid = panels(parameters.edges, resolution.nodes)
     at = instants(compressor, grid.angle)
     speed = jnp.full_like(grid.angle, compressor.motor.speed_guess)
     state = CrankState(grid.angle, speed, jnp.zeros_like(speed))
@@ -231,20 +243,30 @@ def _explicit_orbit(known: Known, resolution: Resolution, solver: str) -> Orbit:
     # over a revolution at constant speed the inertia takes no work
     work = 0.0 - grid.total(at.conservative)  # not -0 without gas
     energy = Energy(work, work, {})
-    report = FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True))
-    status = Status.converged
-    made = grid, at, state, torque, loads, energy, {}, status, report
-    if not tabulated_points(compressor):
-        # the resolution tells enough of smooth laws
-        return orbit_on_panels(*made, solver)
-    fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
-    finer = fine.total(lax.stop_gradient(instants(compressor, fine.angle).conservative))
-    return orbit_on_panels(*made, solver, gas_work_error=jnp.abs(finer + lax.stop_gradient(work)))
+    gas_work_error = None
+    # the resolution tells enough of smooth laws; a table bends within the panels
+    if tabulated_points(compressor):
+        fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
+        finer = fine.total(lax.stop_gradient(instants(compressor, fine.angle).conservative))
+        gas_work_error = jnp.abs(finer + lax.stop_gradient(work))
+    return orbit_on_panels(
+        grid=grid,
+        at=at,
+        state=state,
+        motor_torque=torque,
+        loads=loads,
+        energy=energy,
+        loss_error={},
+        status=Status.converged,
+        report=FixedPointReport(jnp.asarray(0), jnp.zeros(()), jnp.asarray(True)),
+        solver=solver,
+        gas_work_error=gas_work_error,
+    )
 
 
 def loop_kinks(compressor: Compressor) -> int:
     """Number of the quantities that mark load reversals which are kinks."""
     zero = jnp.zeros(())
-    still = CrankState(zero, zero, zero)
+    state = CrankState(zero, zero, zero)
     gas = jnp.zeros(compressor.crankshaft.count)
-    return eqx.filter_eval_shape(lambda c: loop_of(c, still, gas), compressor).kinks
+    return eqx.filter_eval_shape(lambda c: loop_of(c, state, gas), compressor).kinks

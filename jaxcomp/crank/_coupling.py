@@ -95,7 +95,7 @@ def orbit_at_constant_speed(compressor: Compressor, solver: Collocation) -> Orbi
 
 
 def orbit_with_cylinder(
-    compressor: Compressor, solver, *, even: bool = False, found: Orbit | None = None
+    compressor: Compressor, solver, *, even: bool = False, followed_orbit: Orbit | None = None
 ) -> Orbit:
     """The orbit of an admissible compressor whose gas is a `Cylinder`.
 
@@ -103,7 +103,7 @@ def orbit_with_cylinder(
         compressor: the machine.
         solver: of the crank's motion under a prescribed pressure.
         even: whether the gas sees the mean speed, of whatever motor.
-        found: the orbit, where it is followed and not searched for.
+        followed_orbit: the orbit, where it is followed and not searched for.
     """
     assert isinstance(compressor.gas, Cylinder)
     even = even or isinstance(compressor.motor, ConstantSpeed)
@@ -112,16 +112,21 @@ def orbit_with_cylinder(
     if even and law_of(compressor) is None and not _seeks_pressures(compressor):
         # the pressure depends on nothing that the crank does
         speed = compressor.motor.speed_guess
-        if found is None:
+        if followed_orbit is None:
             cycle = _cycles(compressor, solver, speed)
         else:
-            cycle = _followed_cycles(compressor, speed, None, found.cycle)
+            cycle = _followed_cycles(compressor, speed, None, followed_orbit.cycle)
         agreed = jnp.asarray(True)
-        orbit = _orbit_of(compressor, cycle, solver)
+        orbit = _orbit_under_pressure(compressor, cycle, solver)
     else:
-        known = None if found is None else (found.cycle, _without_cycle(found))
-        (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, known)
+        followed = (
+            None
+            if followed_orbit is None
+            else (followed_orbit.cycle, _without_cycle(followed_orbit))
+        )
+        (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, followed)
         if motion.rise is not None:
+            # `rise_after` ends at the bound: a rise that is there satisfies no law
             agreed &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
     status = Status.where(agreed, orbit.status, Status.not_converged)
     status = Status.where(cycle.converged, status, cycle.status)
@@ -136,46 +141,48 @@ def _is_marched(compressor: Compressor, solver) -> bool:
 
 
 @eqx.filter_custom_jvp
-def _coupled(compressor: Compressor, solver, even: bool, known: tuple | None):
+def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None):
     """Cycle and orbit that agree, the motion they have, and whether they were found.
 
     Args:
         compressor: the machine.
         solver: of the crank's motion.
         even: leaves out how the crank's speed fluctuates.
-        known: cycle and orbit, where they have been found.
+        followed: cycle and orbit, where they have been found.
     """
     compressor = frozen(compressor)
-    if known is not None:
-        return known, _motion_of(compressor, known, even), jnp.asarray(True)
+    if followed is not None:
+        return followed, _motion_of_solution(compressor, followed, even), jnp.asarray(True)
     # nothing is known of a cycle and an orbit before the first step
-    nothing = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
+    no_cycle = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
     phase = _phase_of_cycles(compressor)
-    steady = None if even else pace_of(nothing, jnp.zeros_like, phase)
+    steady = None if even else pace_of(no_cycle, jnp.zeros_like, phase)
     rise = first_rise(compressor)
     between = None
     if _seeks_pressures(compressor):
         between = jnp.log(guessed_pressures(compressor.gas, mechanisms_of(compressor)))
-    still = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS, between)
-    _, (cycle, orbit) = zeros_of(_step, compressor, solver, still, nothing)
+    first_motion = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS, between)
+    _, (cycle, orbit) = zeros_of(_step, compressor, solver, first_motion, no_cycle)
 
-    def step(motion, last):
-        new, found = _step(compressor, solver, motion, solution_of(last[0]))
+    def step(motion, last_solution):
+        new, solution = _step(compressor, solver, motion, solution_of(last_solution[0]))
         # without a cycle there is nothing to go on with: the iteration ends, and its status is that one
-        solved = is_solved(of_each(found[0]))
+        solved = is_solved(of_each(solution[0]))
         return jax.tree.map(
             lambda after, before: jnp.where(solved, after, before), new, motion
-        ), found
+        ), solution
 
     tolerance = _MARCHED_TOLERANCE if _is_marched(compressor, solver) else _TOLERANCE
-    motion, found, report = mix(
-        step, still, (unsolved(cycle), orbit), tolerance, MAX_ITERATIONS, _sampled, _combined
+    motion, solution, report = mix(
+        step, first_motion, (unsolved(cycle), orbit), tolerance, MAX_ITERATIONS, _sampled, _combined
     )
-    return found, motion, report.settled
+    return solution, motion, report.settled
 
 
 def _sampled(motion: Motion) -> Float[Array, " n"]:
     """A motion as numbers that do not depend on where panels lie."""
+    # The edges of the panels follow the events of the valves: the values at the nodes of two steps belong
+    # to different angles, and their difference tells nothing.
     numbers = [motion.level[None]]
     if motion.rise is not None:
         numbers.append(motion.rise[None])
@@ -189,12 +196,13 @@ def _sampled(motion: Motion) -> Float[Array, " n"]:
 def _excess_at(pace: Pace, angle: Float[Array, " n"]) -> Float[Array, "*k n"]:
     """[-] The excess of a pace at crank angles [rad]; of k cylinders at those of each, if there are."""
     if pace.edges.ndim > 1:
-        return jax.vmap(lambda own: jax.vmap(own.at)(angle))(pace)
+        return jax.vmap(lambda pace_of_cylinder: jax.vmap(pace_of_cylinder.at)(angle))(pace)
     return jax.vmap(pace.at)(angle)
 
 
 def _combined(weights: Float[Array, " depth"], outputs: Motion, newest: Motion) -> Motion:
     """The weighted sum of motions, on the panels of the newest."""
+    # `None` in one motion is `None` in all: what is unknown is decided before the first step
     rise = None if outputs.rise is None else weights @ outputs.rise
     pace = newest.pace
     if pace is not None and outputs.pace is not None:
@@ -213,9 +221,9 @@ def _combined_pace(weights: Float[Array, " depth"], outputs: Pace, newest: Pace)
     return Pace(newest.edges, (weights @ values).reshape(angle.shape))
 
 
-def _motion_of(compressor: Compressor, known: tuple, even: bool) -> Motion:
+def _motion_of_solution(compressor: Compressor, solution: tuple, even: bool) -> Motion:
     """The motion of cycle and orbit that have been found."""
-    cycle, orbit = known
+    cycle, orbit = solution
     rise = rise_after(compressor, _with_cycle(orbit, cycle), first_rise(compressor))
     between = jnp.log(cycle.interstage_pressures) if _seeks_pressures(compressor) else None
     return _motion_after(compressor, cycle, orbit, even, rise)._replace(between=between)
@@ -254,10 +262,10 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
     level = jnp.zeros(())
     pace = None
     if not even:
-        slow = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
-        own = Pace(orbit.panel_edges, slow - 1)
+        slowness = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
+        crank_pace = Pace(orbit.panel_edges, slowness - 1)
         phase = _phase_of_cycles(compressor)
-        pace = pace_of(solution_of(cycle, followed=True), own.at, phase)
+        pace = pace_of(solution_of(cycle, followed=True), crank_pace.at, phase)
         level = jnp.log(orbit.mean_speed / compressor.motor.speed_guess)
     return Motion(level, pace, None if rise is None else rise / _KELVINS)
 
@@ -269,8 +277,8 @@ def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
 
-    def cycle_of(here, speed):
-        return _cycles(here, solver, speed, motion.pace, start)
+    def cycle_of(machine, speed):
+        return _cycles(machine, solver, speed, motion.pace, start)
 
     return _step_with(compressor, solver, motion, cycle_of)
 
@@ -278,15 +286,15 @@ def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
 def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
     """A step, with the cycle of a compressor at a speed by `cycle_of`."""
     rise = None if motion.rise is None else _KELVINS * motion.rise
-    here = at_rise(compressor, rise)
+    machine = at_rise(compressor, rise)
     if motion.between is not None:
-        gas = replaced(here.gas, interstage_pressure=jnp.exp(motion.between))
-        here = replaced(here, gas=gas)
-    cycle = cycle_of(here, compressor.motor.speed_guess * jnp.exp(motion.level))
-    orbit = _orbit_of(here, cycle, solver)
-    new = rise_after(compressor, _with_cycle(orbit, cycle), rise)
+        gas = replaced(machine.gas, interstage_pressure=jnp.exp(motion.between))
+        machine = replaced(machine, gas=gas)
+    cycle = cycle_of(machine, compressor.motor.speed_guess * jnp.exp(motion.level))
+    orbit = _orbit_under_pressure(machine, cycle, solver)
+    new_rise = rise_after(compressor, _with_cycle(orbit, cycle), rise)
     even = motion.pace is None
-    moved = _motion_after(compressor, cycle, orbit, even, new)
+    moved = _motion_after(compressor, cycle, orbit, even, new_rise)
     if motion.between is not None:
         moved = moved._replace(between=_between_after(cycle, motion.between))
     return moved, (cycle, orbit)
@@ -294,60 +302,64 @@ def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
 
 @_coupled.def_jvp
 def _coupled_jvp(primals, tangents):
-    compressor, solver, even, known = primals
-    out = _coupled(compressor, solver, even, known)
+    compressor, solver, even, followed = primals
+    out = _coupled(compressor, solver, even, followed)
     (cycle, _), motion, _ = out
-    numbers, others = eqx.partition(compressor, eqx.is_inexact_array)
+    numbers, constants = eqx.partition(compressor, eqx.is_inexact_array)
 
     def step(numbers, motion):
-        def cycle_of(here, speed):
-            return _followed_cycles(here, speed, motion.pace, cycle)
+        def cycle_of(machine, speed):
+            return _followed_cycles(machine, speed, motion.pace, cycle)
 
-        new = _step_with(eqx.combine(numbers, others), solver, motion, cycle_of)
+        new = _step_with(eqx.combine(numbers, constants), solver, motion, cycle_of)
         return eqx.filter(new, eqx.is_inexact_array)
 
     _, linear = jax.linearize(step, numbers, motion)
-    moved = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
+    tangent = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
 
-    unmoved, still = jax.tree.map(jnp.zeros_like, (numbers, motion))
-    directly, found_directly = linear(moved, still)
+    zero_numbers, zero_motion = jax.tree.map(jnp.zeros_like, (numbers, motion))
+    motion_direct, solution_direct = linear(tangent, zero_motion)
+    # A step is linear in both at the solution, d motion = A d numbers + B d motion: the solver below
+    # iterates with B alone, since A d numbers is the same in all of its iterations.
     # reverse mode wants each right side to depend on the tangents
-    nothing = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(moved) if leaf.size)
-    directly = jax.tree.map(lambda x: x + nothing, directly)
-    _, by_motion = jax.linearize(lambda motion: linear(unmoved, motion), still)
+    zero = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(tangent) if leaf.size)
+    motion_direct = jax.tree.map(lambda x: x + zero, motion_direct)
+    _, by_motion = jax.linearize(lambda motion: linear(zero_numbers, motion), zero_motion)
     motion_moved = lax.custom_linear_solve(
         lambda v: jax.tree.map(jnp.subtract, v, by_motion(v)[0]),
-        directly,
+        motion_direct,
         _mixed_solution,
         transpose_solve=_mixed_solution,
     )
-    found_moved = jax.tree.map(jnp.add, found_directly, by_motion(motion_moved)[1])
-    return out, (found_moved, motion_moved, None)
+    solution_moved = jax.tree.map(jnp.add, solution_direct, by_motion(motion_moved)[1])
+    return out, (solution_moved, motion_moved, None)
 
 
 def _mixed_solution(matvec, right_side):
     """The solution of a linear system that is near the identity."""
+    # Its matrix is never formed: a product costs as much as a step, and few are needed. Scaled, since
+    # the tolerance of `mix` is one of numbers of order one and tangents have any size.
     largest = [jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(right_side)]
     scale = jnp.max(jnp.stack(largest))
     scale = jnp.where(scale > 0, scale, 1.0)
-    wanted = jax.tree.map(lambda leaf: leaf / scale, right_side)
+    target = jax.tree.map(lambda leaf: leaf / scale, right_side)
 
     def step(value, _):
-        return jax.tree.map(lambda v, b, a: v + b - a, value, wanted, matvec(value)), None
+        return jax.tree.map(lambda v, b, a: v + b - a, value, target, matvec(value)), None
 
-    value, _, _ = mix(step, wanted, None, _TANGENT_TOLERANCE, _TANGENT_ITERATIONS)
+    value, _, _ = mix(step, target, None, _TANGENT_TOLERANCE, _TANGENT_ITERATIONS)
     return jax.tree.map(lambda leaf: scale * leaf, value)
 
 
 def _cycles(compressor: Compressor, solver, speed, pace=None, start=None) -> Cycle | SeveralCycles:
     """The cycle of the cylinder, or of all, at a given motion of the crank."""
-    given = speed, solver.cycle, pace, start
-    return solve_cycles(compressor.gas, *_cylinders(compressor), *given)
+    mechanisms, phases = _cylinders(compressor)
+    return solve_cycles(compressor.gas, mechanisms, phases, speed, solver.cycle, pace, start)
 
 
-def _followed_cycles(compressor: Compressor, speed, pace, found: Cycle | SeveralCycles):
+def _followed_cycles(compressor: Compressor, speed, pace, cycle: Cycle | SeveralCycles):
     """Cycles that were found, with their dependence on the machine."""
-    return follow_cycles(compressor.gas, *_cylinders(compressor), speed, pace, frozen(found))
+    return follow_cycles(compressor.gas, *_cylinders(compressor), speed, pace, frozen(cycle))
 
 
 def _cylinders(compressor: Compressor):
@@ -361,7 +373,7 @@ def _phase_of_cycles(compressor: Compressor) -> Float[Array, " k"]:
     return phase_of_ends(compressor.gas, compressor.crankshaft.distinct_phase)
 
 
-def _orbit_of(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
+def _orbit_under_pressure(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
     """The motion of the crank under the pressure of a cycle."""
     return solver.solve(replaced(compressor, gas=cycle.gas()))
 

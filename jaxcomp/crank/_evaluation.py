@@ -15,8 +15,8 @@ from ..friction import JointLoads
 from ..friction.interface import magnitude
 from ._iteration import (
     ENERGY_FLOOR,
-    Known,
     Motion,
+    OrbitParameters,
     Resolution,
     floored_energy,
     joints_of,
@@ -24,7 +24,7 @@ from ._iteration import (
     steepness,
 )
 from ._journals import by_joint, journal_drive, orbit_status, with_journals
-from ._motion import Instant, closure_of
+from ._motion import Course, closure_of
 from ._orbit import Energy, Orbit
 from ._panels import Panels, highest, panels
 
@@ -36,7 +36,7 @@ _SAFETY = 5.0
 
 
 def orbit_of_motion(
-    known: Known,
+    parameters: OrbitParameters,
     resolution: Resolution,
     motion: Motion,
     report: FixedPointReport,
@@ -48,79 +48,109 @@ def orbit_of_motion(
     Everything is evaluated at the nodes and, if `estimate`, without derivatives at twice as many on
     every panel, which tell the error.
     """
-    compressor, scales = known.compressor, known.scales
+    compressor = parameters.compressor
+    scales = parameters.scales
     closure = closure_of(compressor.motor)
-    grid = resolution.panels_between(known.edges, motion.places)
+    grid = resolution.panels_between(parameters.edges, motion.places)
     fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes) if estimate else None
     grids = _Grids(grid, fine)
 
     # at all nodes: the state of the crank, and what its joints carry and lose
     at = instants(compressor, grids.angle)
-    energy, acceleration = grids.row(motion.energy), grids.row(motion.acceleration)
+    energy = grids.row(motion.energy)
+    acceleration = grids.row(motion.acceleration)
     state, change = state_of(at, scales, energy, acceleration)
     if motion.journals is not None:
         compressor = with_journals(compressor, grids.row(motion.journals))
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-    unknown, joints = None, loop.loops.start()
+    unknown = None
+    joints = loop.loops.start()
     if not compressor.frictionless:
         # the unknowns at the nodes; those at the places are not needed any more
         unknown = grids.row(grid.by_panels(motion.joints))
         joints = joints_of(loop, scales, unknown)
     loads = loop.loads(joints, True)
     law = closure.law(compressor.motor, scales.base, change)
-    known_at = (at.inertia, at.inertia_1, at.conservative, law, loads.total_loss_torque)
 
-    def instant(grid, pick):
-        values = (pick(value) for value in (*known_at, state.speed, energy))
-        units = scales.speed, scales.energy, scales.base
-        return Instant(grid, *units, *values, motion.first_energy)
+    def course_on(grid, of_panels):
+        return Course(
+            grid=grid,
+            speed_scale=scales.speed,
+            energy_scale=scales.energy,
+            base=scales.base,
+            inertia=of_panels(at.inertia),
+            inertia_1=of_panels(at.inertia_1),
+            conservative=of_panels(at.conservative),
+            motor=of_panels(law),
+            loss=of_panels(loads.total_loss_torque),
+            speed=of_panels(state.speed),
+            energy=of_panels(energy),
+            first_energy=motion.first_energy,
+        )
 
-    now = instant(grid, grid.by_panels)
-    finer = None if fine is None else instant(fine, grids.finer)
+    course = course_on(grid, grid.by_panels)
+    finer_course = None if fine is None else course_on(fine, grids.finer)
     growth = None
     if closure.needs_steepness:
         rates = steepness(*frozen((compressor, at, scales, energy, acceleration, unknown)))
         growth = grid.total(grid.by_panels(rates))
-    status = _status(known, at, energy, now, finer, growth, report)
+    status = _status(parameters, at, energy, course, finer_course, growth, report)
 
-    motor = closure.torque(now)
+    motor = closure.torque(course)
     totals = _by_loss(loads, lambda losses: grid.total(grid.by_panels(losses)))
     # not the negative, which would be -0 without gas
-    account = Energy(grid.total(motor), 0.0 - grid.total(now.conservative), totals)
+    account = Energy(grid.total(motor), 0.0 - grid.total(course.conservative), totals)
     error = dict.fromkeys(totals, jnp.full((), jnp.nan))
     gas_error = jnp.full((), jnp.nan)
-    if finer is not None:
+    if finer_course is not None:
         gas_error = _quadrature_error(grids, at.conservative)
         # The error of the motion: the kinetic energy that the torques at the finer nodes add to it. All
         # losses grow with it as the inertia forces do; a small one may, where they nearly cancel the gas
         # force, change by as much as the large ones.
-        moved = _energy_error(closure, finer, grids.finer(state.acceleration), growth)
+        moved = _energy_error(closure, finer_course, grids.finer(state.acceleration), growth)
         moved *= 2 * lax.stop_gradient(account.total_loss)
         error = _by_loss(loads, lambda losses: _quadrature_error(grids, losses) + moved)
 
     at, state, loads = jax.tree.map(grid.by_panels, (at, state, loads))
     if motion.journals is not None:
-        drive = journal_drive(known.compressor, loads.forces, state)
+        drive = journal_drive(parameters.compressor, loads.forces, state)
         status = orbit_status(grid.rule, drive, motion.journals, status)
-    made = grid, at, state, motor, loads, account, error, status, report
-    positions = by_joint(known.compressor, motion.journals)
-    return orbit_on_panels(*made, solver, positions, gas_error)
+    return orbit_on_panels(
+        grid=grid,
+        at=at,
+        state=state,
+        motor_torque=motor,
+        loads=loads,
+        energy=account,
+        loss_error=error,
+        status=status,
+        report=report,
+        solver=solver,
+        positions=by_joint(parameters.compressor, motion.journals),
+        gas_work_error=gas_error,
+    )
 
 
 def _status(
-    known: Known, at: Instants, energy, now: Instant, finer: Instant | None, growth, report
+    parameters: OrbitParameters,
+    at: Instants,
+    energy,
+    course: Course,
+    finer: Course | None,
+    growth,
+    report,
 ) -> Status:
     """Status of the motion: converged, resolved, as its motor says, and never at a halt."""
-    period = now.grid.total(1 / now.speed)
+    period = course.grid.total(1 / course.speed)
     status = Status.where(report.settled, Status.converged, Status.not_converged)
     if finer is not None:
         resolved = jnp.abs(finer.grid.total(1 / finer.speed) - period) < _PERIOD_ERROR * period
         status = Status.where(report.settled & ~resolved, Status.unresolved, status)
-    motor = known.compressor.motor
-    scales = known.scales
+    motor = parameters.compressor.motor
+    scales = parameters.scales
     status = closure_of(motor).verdict(motor, period, growth, status)
-    _, whole = floored_energy(at.inertia, scales, energy)
-    floored = jnp.min(whole) <= 2 * ENERGY_FLOOR * scales.energy
+    _, total_energy = floored_energy(at.inertia, scales, energy)
+    floored = jnp.min(total_energy) <= 2 * ENERGY_FLOOR * scales.energy
     return Status.where(floored, Status.stalled, status)
 
 
@@ -134,15 +164,15 @@ class _Grids(NamedTuple):
     def angle(self) -> Float[Array, " r"]:
         """[rad] In the row."""
         grids = [self.grid] if self.fine is None else [self.grid, self.fine]
-        return jnp.concatenate([one.angle.ravel() for one in grids])
+        return jnp.concatenate([grid.angle.ravel() for grid in grids])
 
     def row(self, values: Float[Array, "*m p s"]) -> Float[Array, "*m r"]:
         """Values at the nodes and, by their polynomials, at the finer ones."""
-        both = [values]
+        parts = [values]
         if self.fine is not None:
             through = self.grid.rule.through(self.fine.rule.nodes).T
-            both.append(lax.stop_gradient(values @ through))
-        return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in both], axis=-1)
+            parts.append(lax.stop_gradient(values @ through))
+        return jnp.concatenate([x.reshape(*x.shape[:-2], -1) for x in parts], axis=-1)
 
     def finer(self, row: Float[Array, "*m r"]) -> Float[Array, "*m p f"]:
         """Part of a row that belongs to the finer nodes, by panels and without derivatives."""
@@ -150,19 +180,19 @@ class _Grids(NamedTuple):
         return lax.stop_gradient(self.fine.by_panels(row[..., self.grid.angle.size :]))
 
 
-def _energy_error(closure, now: Instant, acceleration, growth) -> Float[Array, ""]:
+def _energy_error(closure, course: Course, acceleration, growth) -> Float[Array, ""]:
     """[-] Error of the kinetic energy over its mean, by the torques at twice the nodes."""
-    slope = now.inertia * acceleration + 0.5 * now.inertia_1 * now.speed**2
-    gained, at_edges = now.grid.cumulative(
-        closure.torque(now) + now.conservative - now.loss - slope
+    slope = course.inertia * acceleration + 0.5 * course.inertia_1 * course.speed**2
+    gained, at_edges = course.grid.cumulative(
+        closure.torque(course) + course.conservative - course.loss - slope
     )
-    mean = now.grid.total(gained) / (2 * jnp.pi)
-    error = now.grid.total(jnp.abs(gained - mean)) / (2 * jnp.pi)
+    mean = course.grid.total(gained) / (2 * jnp.pi)
+    error = course.grid.total(jnp.abs(gained - mean)) / (2 * jnp.pi)
     # the level of the speed follows from the torques, if these know the speed
     if growth is not None:
         level = at_edges[-1] / jnp.where(growth == 0, 1.0, lax.stop_gradient(growth))
         error += jnp.abs(level)
-    return error / jnp.mean(0.5 * now.inertia * now.speed**2)
+    return error / jnp.mean(0.5 * course.inertia * course.speed**2)
 
 
 def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, "*j"]:
@@ -178,12 +208,13 @@ def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, 
     values = lax.stop_gradient(grid.by_panels(row))
     finer = grids.finer(row)
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
-    last = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
-    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * last), axis=-1)
+    highest_terms = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
+    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * highest_terms), axis=-1)
 
 
 def _by_loss(loads: JointLoads, function) -> dict[str, Float[Array, ""]]:
     """Values of a function for the losses (j, r) of all joints at once, by joint."""
+    # one array, so that the program does not grow with the number of joints
     losses = loads.loss_torque
     if not losses:
         return {}
@@ -221,6 +252,7 @@ def orbit_on_panels(
         gas_work_error: [J] estimated, of the gas work.
     """
     elapsed, at_edges = grid.cumulative(1 / state.speed)
+    # of the polynomials, since the nodes miss the extremes that lie at kinks, on the edges of panels
     find = jax.vmap(partial(highest, grid.rule, grid.width))
     extremes = find(jnp.stack([-state.speed, state.speed]))
 

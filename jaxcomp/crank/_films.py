@@ -131,6 +131,8 @@ def thin_film(law: JournalBearing) -> float | Float[Array, ""]:
 
 def _share_below(values, duration, bound):
     """Share of the time below a bound of what goes in straight lines between the nodes."""
+    # Interpolated and not counted node by node: the share is continuous in the design then, and has
+    # derivatives.
     after, wide = (jnp.roll(x, -1) for x in (values, duration))
     low = jnp.minimum(values, after)
     high = jnp.maximum(values, after)
@@ -147,31 +149,31 @@ def film_thickness(compressor: Compressor, orbit: Orbit) -> dict[str, Float[Arra
         compressor: the machine.
         orbit: its periodic state.
     """
-    found = {}
+    thickness = {}
     moved = orbit.positions or {}
     rates = journal_rates(compressor, orbit)
     for name, law in oil_films(compressor, orbit):
         if name in moved:
-            found[name] = law.radial_clearance * (1 - jnp.hypot(*moved[name]))
+            thickness[name] = law.radial_clearance * (1 - jnp.hypot(*moved[name]))
         elif issubclass(law.model, AbstractCarryingFilm):
             load = jnp.hypot(*orbit.loads.forces[name])
-            found[name] = minimum_film(law, load, jnp.abs(rates[name]))
-    return found
+            thickness[name] = minimum_film(law, load, jnp.abs(rates[name]))
+    return thickness
 
 
 def oil_films(compressor: Compressor, orbit: Orbit):
     """Joints with oil films, and their laws."""
     crankshaft = compressor.crankshaft
     friction = compressor.friction
-    own = {} if friction is None else vars(friction)
+    laws = {} if friction is None else vars(friction)
     for law_name, law in film_journals(friction, crankshaft.main_journal).items():
-        if law_name not in own:
+        if law_name not in laws:
             yield law_name, law
     for number in range(1, crankshaft.count + 1):
-        for law_name, law in own.items():
-            one = law.law_of_cylinder(number) if isinstance(law, EachJournal) else law
-            if isinstance(one, JournalBearing):
-                yield crankshaft.joint(law_name, number), of_cylinder(one, number)
+        for law_name, law in laws.items():
+            bearing = law.law_of_cylinder(number) if isinstance(law, EachJournal) else law
+            if isinstance(bearing, JournalBearing):
+                yield crankshaft.joint(law_name, number), of_cylinder(bearing, number)
 
 
 @kept_jit
@@ -184,20 +186,25 @@ def journal_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm
         compressor: the machine.
         orbit: its periodic state.
     """
+    speed = orbit.state.speed
     shares = rate_shares(compressor, orbit.state.angle)
-    return {
-        name: read_film(
+    positions = orbit.positions or {}
+    films = {}
+    for name, law in oil_films(compressor, orbit):
+        if not issubclass(law.model, AbstractSolvedFilm):
+            continue
+        difference, total = shares.get(name, (1.0, 1.0))
+        films[name] = read_film(
             law,
-            (orbit.positions or {}).get(name),
-            -orbit.loads.forces[name],
-            tuple(share * orbit.state.speed for share in shares.get(name, (1.0, 1.0))),
-            orbit.weight / orbit.state.speed,
-            gauss(orbit.panel_nodes),
-            orbit.panel_width,
+            position=positions.get(name),
+            # on the journal, where the force of a joint is that on the other part
+            load=-orbit.loads.forces[name],
+            rates=(difference * speed, total * speed),
+            duration=orbit.weight / speed,
+            rule=gauss(orbit.panel_nodes),
+            width=orbit.panel_width,
         )
-        for name, law in oil_films(compressor, orbit)
-        if issubclass(law.model, AbstractSolvedFilm)
-    }
+    return films
 
 
 def read_film(law, position, load, rates, duration, rule: Rule, width) -> JournalFilm:
@@ -219,7 +226,9 @@ def read_film(law, position, load, rates, duration, rule: Rule, width) -> Journa
     def mean(values):
         return jnp.sum(duration * values, axis=-1) / jnp.sum(duration)
 
-    difference, gap, moves = rates[0], law.radial_clearance, position is not None
+    difference = rates[0]
+    gap = law.radial_clearance
+    moves = position is not None
     # the same load carried steadily
     size = jnp.hypot(*load)
     resting = minimum_film(law, size, jnp.abs(difference))
@@ -231,13 +240,18 @@ def read_film(law, position, load, rates, duration, rule: Rule, width) -> Journa
         position = _steady_position(law, load, difference)
         # the steady film has the sum of the rates in the place of their difference
         rates = difference, difference
-    thickness = gap * (1 - jnp.hypot(*position)) if moves else resting
+    thickness = resting
+    if moves:
+        thickness = gap * (1 - jnp.hypot(*position))
     at, (stiffness, damping) = _at_nodes(law, position, load, rates, moves, resting_loss)
 
     on_panels = position.reshape(2, -1, rule.nodes.size)
+    # the polynomials of a coarse orbit may leave the bush between their nodes
     largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
     loss = mean(at["shear_loss"] + at["squeeze_loss"] + at["contact_loss"])
-    leaving, force_unit = mean(at["flow"]), film_unit(law) / gap
+    leaving = mean(at["flow"])
+    # the coefficients come over the clearance, as the positions do
+    force_unit = film_unit(law) / gap
     return JournalFilm(
         moving=moves,
         position=position,
@@ -303,6 +317,7 @@ def _at_nodes(law, position, load, rates, moves: bool, resting_loss):
         "flow": law.radius * law.length * gap * film.side_flow(position, force, velocity),
         "shear_loss": shear,
         "squeeze_loss": squeeze,
+        # hypot(0, 0) has no derivative: where there is no contact, one of its zeros does
         "contact_load": jnp.hypot(*push) if contact is not None else push[0],
         "contact_loss": rubbing,
     }
@@ -314,6 +329,7 @@ def _steady_position(law, load, rate) -> Float[Array, "2 n"]:
     size = jnp.hypot(*load)
     state = running_state(law, size, jnp.abs(rate))
     turn = jnp.sign(rate) * state.attitude_angle
+    # without a load there is no direction; the eccentricity is zero there as well
     along = load / jnp.where(size > 0, size, 1.0)
     side = quarter_turn(along)
     return state.eccentricity_ratio * (jnp.cos(turn) * along + jnp.sin(turn) * side)
@@ -321,6 +337,7 @@ def _steady_position(law, load, rate) -> Float[Array, "2 n"]:
 
 def _temperature_rise(loss: Float[Array, ""], flow: Float[Array, ""]) -> Float[Array, ""]:
     """[K] Of a flow of oil [m^3/s] that carries a loss [W] away; infinite where none flows."""
+    # double where: the quotient of no flow would put a NaN into the derivatives of the other side
     rise = loss / (OIL_HEAT_CAPACITY * jnp.where(flow > 0, flow, 1.0))
     return jnp.where(flow > 0, rise, jnp.full_like(rise, jnp.inf))
 
@@ -353,27 +370,30 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
             rate = rates[name]
             film: Any = bearing.film
             ratio = jnp.maximum(gap / roughness - 1, 0.0)
-            most = ratio * film.load_gain(ratio)
+            largest_number = ratio * film.load_gain(ratio)
             number = load_number(bearing, jnp.hypot(*orbit.loads.forces[name]), rate)
+            # a rate that keeps its sign all the revolution
             turns = jnp.min(rate) * jnp.max(rate) > 0
-            thin |= turns & jnp.any(number > most)
+            thin |= turns & jnp.any(number > largest_number)
     return thin
 
 
 def _coefficients(film, position, force, turning):
     """dF/de at a given de/dt, and dF/d(de/dt), (2, 2, n): from the mobility V = M(e, F)."""
-
-    one = jnp.ones_like(force[0])
-    none = jnp.zeros_like(force[0])
-    ways = (jnp.stack([one, none]), jnp.stack([none, one]))
-    still = jnp.zeros_like(force)
+    # V = M(e, F) with F as the unknown: dV = M_e de + M_F dF, so that dF/dV = M_F^-1 and, at a given V,
+    # dF/de = -M_F^-1 M_e. The mobility gives V in axes that turn with the mean of the surfaces; in fixed
+    # ones `turn` is part of it.
+    ones = jnp.ones_like(force[0])
+    zeros = jnp.zeros_like(force[0])
+    axes = (jnp.stack([ones, zeros]), jnp.stack([zeros, ones]))
+    unmoved = jnp.zeros_like(force)
 
     def slopes(pairs):
         moved = [jax.jvp(film.mobility, (position, force), pair)[1] for pair in pairs]
         return jnp.stack(moved, axis=1)
 
-    by_place = slopes((way, still) for way in ways)
-    by_force = slopes((still, way) for way in ways)
+    by_place = slopes((axis, unmoved) for axis in axes)
+    by_force = slopes((unmoved, axis) for axis in axes)
     size = by_force[0, 0] * by_force[1, 1] - by_force[0, 1] * by_force[1, 0]
     swapped = jnp.stack([jnp.stack([by_force[1, 1], -by_force[0, 1]]),
                          jnp.stack([-by_force[1, 0], by_force[0, 0]])])  # fmt: skip

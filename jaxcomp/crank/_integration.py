@@ -44,25 +44,27 @@ class TimeIntegration(eqx.Module):
         counted("samples", self.samples, 2, 10**7)
 
 
-def rates_over_angle(compressor: Compressor, now: Instantaneous, speed, torques, journals, units):
+def rates_over_angle(
+    compressor: Compressor, motion: Instantaneous, speed, torques, journals, units
+):
     """[1/rad] How speed, time, works and positions of journals change with the crank angle.
 
     Args:
         compressor: the machine.
-        now: its equation of motion, solved.
+        motion: its equation of motion, solved.
         speed: [rad/s] of the crank.
         torques: [N m] whose works are counted.
         journals: [-] (2, k) positions of those that move; `None` without any.
         units: [rad/s] and [J] of speed and works; the time is counted in the inverse of the first.
     """
     rates = {
-        "speed": now.acceleration / speed / units[0],
+        "speed": motion.acceleration / speed / units[0],
         "time": units[0] / speed,
         "work": jax.tree.map(lambda torque: torque / units[1], torques),
     }
     if journals is not None:
-        state = CrankState(now.at.angle, speed, now.acceleration)
-        rates["journals"] = journal_drive(compressor, now.loads.forces, state).rate(journals)
+        state = CrankState(motion.at.angle, speed, motion.acceleration)
+        rates["journals"] = journal_drive(compressor, motion.loads.forces, state).rate(journals)
     return rates
 
 
@@ -73,12 +75,12 @@ def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=No
     would take the formula of either side, its directions and phases, at random.
     """
     panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
-    left = edges[panel]
-    right = edges[panel + 1]
-    at = jnp.clip(place, left + 1e-10, right - 1e-10)
+    start = edges[panel]
+    end = edges[panel + 1]
+    at = jnp.clip(place, start + 1e-10, end - 1e-10)
     if moved is None:
         return at, jnp.ones(())
-    wide = right > left
+    wide = end > start
     moved_width = moved[panel + 1] - moved[panel]
-    rate = jnp.where(wide, moved_width / jnp.where(wide, right - left, 1), 1)
-    return moved[panel] + (at - left) * rate, rate
+    rate = jnp.where(wide, moved_width / jnp.where(wide, end - start, 1), 1)
+    return moved[panel] + (at - start) * rate, rate

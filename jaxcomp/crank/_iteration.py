@@ -27,8 +27,14 @@ from ..compressor import Compressor, Instants, instants, loop_of
 from ..crankshaft.interface import MachineLoops
 from ..friction.interface import newton_step
 from ..mechanism import CrankState
-from ._journals import improved_positions, journal_drive, journal_torque, moving, with_journals
-from ._motion import Instant, closure_of
+from ._journals import (
+    improved_positions,
+    journal_drive,
+    journal_torque,
+    orbiting_journals,
+    with_journals,
+)
+from ._motion import Course, closure_of
 from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.
@@ -64,7 +70,7 @@ class Resolution(eqx.Module):
         return panels(edges, self.nodes)
 
 
-class Scales(NamedTuple):
+class UnknownScales(NamedTuple):
     """Units of the unknowns, without derivatives: [rad/s], [J], [N]."""
 
     speed: Float[Array, ""]
@@ -75,13 +81,13 @@ class Scales(NamedTuple):
     base: Float[Array, ""]
 
 
-class Known(eqx.Module):
+class OrbitParameters(eqx.Module):
     """Quantities that a solution depends on."""
 
     compressor: Compressor
     # [rad] its kinks that are known beforehand, and the first once more a revolution later
     edges: Float[Array, " e"]
-    scales: Scales  # of the unknowns
+    scales: UnknownScales  # of the unknowns
 
 
 class Motion(eqx.Module):
@@ -116,7 +122,7 @@ class Reversals(eqx.Module):
     moving: Bool[Array, ""]  # whether the places follow the motion, or wait for a first solution
 
 
-def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
+def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> OrbitParameters:
     """Quantities that the solution of a compressor depends on."""
     at = lax.stop_gradient(instants(compressor, edges))
     speed = lax.stop_gradient(compressor.motor.speed_guess)
@@ -126,7 +132,7 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> Known:
     force += energy / jnp.min(stroke)
     curve = closure_of(compressor.motor).needs_steepness
     base = speed if curve else jnp.zeros_like(speed)
-    return Known(compressor, edges, Scales(speed, energy, force, base))
+    return OrbitParameters(compressor, edges, UnknownScales(speed, energy, force, base))
 
 
 def revolution_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
@@ -134,59 +140,64 @@ def revolution_edges(kinks: Float[Array, " k"]) -> Float[Array, " k_plus_1"]:
     return jnp.append(kinks, kinks[0] + 2 * jnp.pi)
 
 
-def initial_motion(known: Known, resolution: Resolution) -> Motion:
+def initial_motion(parameters: OrbitParameters, resolution: Resolution) -> Motion:
     """Constant energy, or constant speed if the motor holds it; and no place in use."""
-    places = jnp.full(2 * resolution.reversals, known.edges[0])
-    grid = resolution.panels_between(known.edges, places)
-    friction = not known.compressor.frictionless
-    energy = jnp.where(known.scales.base > 0, 0.0, jnp.ones_like(grid.angle))
-    count = known.compressor.crankshaft.count
-    joints = jnp.zeros((count, energy.size + places.size if friction else 0))
-    journals = len(moving(known.compressor))
+    places = jnp.full(2 * resolution.reversals, parameters.edges[0])
+    grid = resolution.panels_between(parameters.edges, places)
+    friction = not parameters.compressor.frictionless
+    # where the base is the guess itself, that is no energy above it
+    energy = jnp.where(parameters.scales.base > 0, 0.0, jnp.ones_like(grid.angle))
+    count = parameters.compressor.crankshaft.count
+    joints = jnp.zeros((count, 0))
+    if friction:
+        joints = jnp.zeros((count, energy.size + places.size))
+    journals = len(orbiting_journals(parameters.compressor))
     centred = jnp.zeros((2, journals, *energy.shape)) if journals else None
-    none = jnp.zeros_like(energy)
-    return Motion(energy, none, jnp.ones(()), joints, places / PLACE_UNIT, centred)
+    zeros = jnp.zeros_like(energy)
+    return Motion(energy, zeros, jnp.ones(()), joints, places / PLACE_UNIT, centred)
 
 
-def floored_energy(inertia, scales: Scales, energy):
+def floored_energy(inertia, scales: UnknownScales, energy):
     """[J] Kinetic energy less that at the base speed, and in all: at least a floor.
 
     A motion that comes to a halt is reported; the floor keeps its numbers finite.
     """
     base = 0.5 * inertia * scales.base**2
+    # the difference is floored and the base added, not the reverse: a small slip keeps its digits
     counted = jnp.maximum(energy * scales.energy, ENERGY_FLOOR * scales.energy - base)
     return counted, counted + base
 
 
-def state_of(at: Instants, scales: Scales, energy, acceleration) -> tuple[CrankState, Array]:
+def state_of(at: Instants, scales: UnknownScales, energy, acceleration) -> tuple[CrankState, Array]:
     """Crank angle, speed and acceleration of the unknowns, and the change of the base speed [rad/s]."""
-    counted, whole = floored_energy(at.inertia, scales, energy)
-    speed = jnp.sqrt(2 * whole / at.inertia)
+    counted, total = floored_energy(at.inertia, scales, energy)
+    speed = jnp.sqrt(2 * total / at.inertia)
+    # omega^2 - omega_0^2 = (omega - omega_0)(omega + omega_0): no difference of two speeds is formed
     change = 2 * counted / (at.inertia * (speed + scales.base))
     return CrankState(at.angle, speed, acceleration * scales.speed**2), change
 
 
-def joints_of(loop: MachineLoops, scales: Scales, unknown) -> Float[Array, "cylinders m"]:
+def joints_of(loop: MachineLoops, scales: UnknownScales, unknown) -> Float[Array, "cylinders m"]:
     """[N] The unknown of the joint loops, from its value in units of the solver."""
     return lax.stop_gradient(loop.loops.start()) + scales.force * unknown
 
 
-def _improved_joints(loop: MachineLoops, scales: Scales, unknown):
+def _improved_joints(loop: MachineLoops, scales: UnknownScales, unknown):
     """Unknown, loss torque [N m] and marks of load reversals after one step of Newton's method.
 
     Its slopes are constants to derivatives: at the solution, where the step vanishes, derivatives of
     all orders are exact whatever the slopes.
     """
     force = joints_of(loop, scales, unknown)
-    (excess, now), slopes = jax.jvp(loop.balance, (force,), (jnp.ones_like(force),))
-    slope, rising = lax.stop_gradient(slopes)
+    (excess, carried_and_marks), slopes = jax.jvp(loop.balance, (force,), (jnp.ones_like(force),))
+    slope, rises = lax.stop_gradient(slopes)
     step = newton_step(force, excess, slope, loop.loops.limit()) - force
-    carried, marks = jax.tree.map(lambda value, rise: value + rise * step, now, rising)
+    carried, marks = jax.tree.map(lambda value, rise: value + rise * step, carried_and_marks, rises)
     return unknown + step / scales.force, *loop.finished(carried, marks)
 
 
 def steepness(
-    compressor: Compressor, at: Instants, scales: Scales, energy, acceleration, unknown
+    compressor: Compressor, at: Instants, scales: UnknownScales, energy, acceleration, unknown
 ) -> Float[Array, " m"]:
     """[1/rad] Slope of the net torque over the kinetic energy; derivatives are not wanted of it.
 
@@ -203,51 +214,55 @@ def steepness(
         excess, (carried, _) = loop.balance(force)
         return motor - loop.total_loss(carried), excess
 
-    force, each = jnp.zeros_like(energy), jnp.ones_like(energy)[None]
+    force = jnp.zeros_like(energy)
+    each = jnp.ones_like(energy)[None]
     if not compressor.frictionless:
         state, _ = state_of(at, scales, energy, acceleration)
         loop = loop_of(compressor, state, at.gas_force, at.kinematics)
         force = joints_of(loop, scales, unknown)
         each = loop.directions(force)
     falling = -at.inertia_1 / at.inertia**2 * scales.energy / scales.speed**2
-    none = jnp.zeros_like(energy)
+    zeros = jnp.zeros_like(energy)
     ones = jnp.ones_like(energy)
+    # The acceleration of a constant torque falls as the inertia grows along the angle:
+    # alpha = (dE/dtheta - J' E/J)/J has the slope -J'/J^2 over E.
     # along the kinetic energy, and along the unknowns of the joints, which follow it
-    rest = [none] * len(each)
-    ways = jnp.stack([ones, *rest]), jnp.stack([falling, *rest])
-    ways = (*ways, jnp.concatenate([jnp.zeros_like(force)[None], each]))
-    net, excess = jax.vmap(lambda *way: jax.jvp(torques, (energy, acceleration, force), way)[1])(
-        *ways
-    )
-    # the loops of several cylinders do not know each other
+    joints_held = [zeros] * len(each)
+    directions = jnp.stack([ones, *joints_held]), jnp.stack([falling, *joints_held])
+    directions = (*directions, jnp.concatenate([jnp.zeros_like(force)[None], each]))
+    net, excess = jax.vmap(
+        lambda *direction: jax.jvp(torques, (energy, acceleration, force), direction)[1]
+    )(*directions)
+    # the loops of several cylinders do not know each other; the floor is that of `_Equation.newton`
     follows = -excess[0] / jnp.maximum(jnp.sum(excess[1:], axis=0), 1e-3)
     return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
 
 
-def motor_steepness(known: Known) -> Float[Array, ""]:
+def motor_steepness(parameters: OrbitParameters) -> Float[Array, ""]:
     """[1/rad] Slope of a torque curve over the kinetic energy, without derivatives, at the guess."""
-    motor = frozen(known.compressor.motor)
-    speed = known.scales.speed
+    motor = frozen(parameters.compressor.motor)
+    speed = parameters.scales.speed
     if not closure_of(motor).needs_steepness:
         return jnp.zeros(())
     _, slope = jax.jvp(motor.torque, (speed,), (jnp.ones_like(speed),))
-    return jnp.abs(slope) * speed / (2 * known.scales.energy)
+    return jnp.abs(slope) * speed / (2 * parameters.scales.energy)
 
 
-def rounding_of(known: Known) -> Float[Array, ""]:
+def rounding_of(parameters: OrbitParameters) -> Float[Array, ""]:
     """[-] What the rounding of the energy leaves of the acceleration, by the slope of a torque curve."""
-    return _ENERGY_NOISE * motor_steepness(known)
+    return _ENERGY_NOISE * motor_steepness(parameters)
 
 
 def revolution(
-    known: Known, resolution: Resolution, places: Float[Array, " k"]
+    parameters: OrbitParameters, resolution: Resolution, places: Float[Array, " k"]
 ) -> tuple[Panels, Instants]:
     """Panels cut at load reversals [rad], and what the angle decides at their nodes and the places."""
-    grid = resolution.panels_between(known.edges, places)
+    grid = resolution.panels_between(parameters.edges, places)
     angle = grid.angle.ravel()
+    # one row with the nodes, so that all laws are traced and called once
     if places.size:
         angle = jnp.concatenate([angle, places])
-    return grid, instants(known.compressor, angle)
+    return grid, instants(parameters.compressor, angle)
 
 
 class _Points(NamedTuple):
@@ -261,9 +276,9 @@ class _Points(NamedTuple):
         at_nodes = values.reshape(*values.shape[:-2], -1)
         if not self.places.size:
             return at_nodes
-        left = values @ self.grid.rule.through(np.zeros(1))[0]
-        beside = left[..., self.grid.panel_of(lax.stop_gradient(self.places))]
-        return jnp.concatenate([at_nodes, beside], axis=-1)
+        at_left_edges = values @ self.grid.rule.through(np.zeros(1))[0]
+        at_places = at_left_edges[..., self.grid.panel_of(lax.stop_gradient(self.places))]
+        return jnp.concatenate([at_nodes, at_places], axis=-1)
 
     def beyond(self, row: Float[Array, "*m r"]) -> Float[Array, "*m k"]:
         """Part of a row that belongs to the places."""
@@ -271,7 +286,7 @@ class _Points(NamedTuple):
 
 
 def improve(
-    known: Known,
+    parameters: OrbitParameters,
     resolution: Resolution,
     reversals: Reversals,
     motion: Motion,
@@ -281,69 +296,77 @@ def improve(
 
     `cut` is the `revolution` at the places of the motion, where these stay.
     """
-    compressor, scales, places = known.compressor, known.scales, motion.places
-    grid, at = revolution(known, resolution, places) if cut is None else cut
+    compressor = parameters.compressor
+    scales = parameters.scales
+    places = motion.places
+    grid, at = revolution(parameters, resolution, places) if cut is None else cut
     points = _Points(grid, places)
-    energy, acceleration = points.row(motion.energy), points.row(motion.acceleration)
+    energy = points.row(motion.energy)
+    acceleration = points.row(motion.acceleration)
     state, change = state_of(at, scales, energy, acceleration)
     if motion.journals is not None:
         compressor = with_journals(compressor, points.row(motion.journals), lossless=True)
-    joints, journals, loss, rows = _improved_contacts(known, compressor, points, at, state, motion)
+    joints, journals, loss, rows = _improved_contacts(
+        parameters, compressor, points, at, state, motion
+    )
 
     closure = closure_of(compressor.motor)
-    steep = None
+    slope_of_torque = None
     if closure.needs_steepness:
-        known_now = (compressor, at, scales, energy, acceleration, motion.joints)
-        steep = lax.stop_gradient(points.grid.by_panels(steepness(*frozen(known_now))))
-    now = Instant(
-        grid,
-        scales.speed,
-        scales.energy,
-        scales.base,
-        points.grid.by_panels(at.inertia),
-        points.grid.by_panels(at.inertia_1),
-        points.grid.by_panels(at.conservative),
-        points.grid.by_panels(closure.law(compressor.motor, scales.base, change)),
-        loss,
-        points.grid.by_panels(state.speed),
-        motion.energy,
-        motion.first_energy,
+        arguments = (compressor, at, scales, energy, acceleration, motion.joints)
+        slope_of_torque = lax.stop_gradient(points.grid.by_panels(steepness(*frozen(arguments))))
+    course = Course(
+        grid=grid,
+        speed_scale=scales.speed,
+        energy_scale=scales.energy,
+        base=scales.base,
+        inertia=points.grid.by_panels(at.inertia),
+        inertia_1=points.grid.by_panels(at.inertia_1),
+        conservative=points.grid.by_panels(at.conservative),
+        motor=points.grid.by_panels(closure.law(compressor.motor, scales.base, change)),
+        loss=loss,
+        speed=points.grid.by_panels(state.speed),
+        energy=motion.energy,
+        first_energy=motion.first_energy,
     )
-    energy, slope, first = closure.improve(compressor.motor, now, steep)
+    energy, slope, first = closure.improve(compressor.motor, course, slope_of_torque)
     # the equation of motion with the new energy, over the unit of accelerations
-    counted, _ = floored_energy(now.inertia, scales, energy)
-    acceleration = (slope - now.inertia_1 * counted / now.inertia) / now.inertia
+    counted, _ = floored_energy(course.inertia, scales, energy)
+    acceleration = (slope - course.inertia_1 * counted / course.inertia) / course.inertia
     acceleration = acceleration / scales.speed**2
     better = Motion(energy, acceleration, first, joints, motion.reversals, journals)
 
-    marks = (
-        jnp.stack([points.grid.by_panels(row) for row in rows])
-        if rows
-        else jnp.zeros((0, *energy.shape))
-    )
+    marks = jnp.zeros((0, *energy.shape))
+    if rows:
+        marks = jnp.stack([points.grid.by_panels(row) for row in rows])
     value = jnp.zeros_like(places)
     if places.size:
         at_places = jnp.stack([points.beyond(row) for row in rows])
         value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
         if cut is None:
             # along the slope of the quantity to where it vanishes; unused ones wait at the first edge
-            unused = jnp.where(reversals.moving, known.edges[0], places)
+            unused = jnp.where(reversals.moving, parameters.edges[0], places)
             used = reversals.moving & (reversals.row >= 0)
             # Not across a kink that is known: behind it the quantity has another slope, or has jumped,
             # and the place would hop to and fro. Beside it an edge is as good as at the reversal.
             followed = jnp.clip(places - value / reversals.slope, reversals.low, reversals.high)
             moved = jnp.where(used, followed, unused)
-            better = _carried(known, resolution, grid, (places, moved), better)
+            better = _carried(parameters, resolution, grid, (places, moved), better)
     return better, marks, value
 
 
 def _improved_contacts(
-    known: Known, compressor: Compressor, points: _Points, at: Instants, state, motion: Motion
+    parameters: OrbitParameters,
+    compressor: Compressor,
+    points: _Points,
+    at: Instants,
+    state,
+    motion: Motion,
 ):
     """Better joints and positions of journals, losses [N m] at the nodes, and marks of reversals.
 
     Args:
-        known: what the solution depends on.
+        parameters: what the solution depends on.
         compressor: its compressor, with journals that move at their positions.
         points: where the motion is known.
         at: what the angle decides there.
@@ -353,19 +376,21 @@ def _improved_contacts(
     if compressor.frictionless:
         return motion.joints, motion.journals, jnp.zeros_like(motion.energy), ()
     loop = loop_of(compressor, state, at.gas_force, at.kinematics)
-    joints, loss, rows = _improved_joints(loop, known.scales, motion.joints)
+    joints, loss, rows = _improved_joints(loop, parameters.scales, motion.joints)
     loss = points.grid.by_panels(loss)
     journals = motion.journals
     if journals is not None:
-        forces = loop.loads(joints_of(loop, known.scales, motion.joints), False).forces
-        drive = journal_drive(known.compressor, forces, state).mapped(points.grid.by_panels)
+        forces = loop.loads(joints_of(loop, parameters.scales, motion.joints), False).forces
+        drive = journal_drive(parameters.compressor, forces, state).mapped(points.grid.by_panels)
         journals, power = improved_positions(points.grid, drive, motion.journals)
         at_nodes = jax.tree.map(points.grid.by_panels, state)
-        loss += journal_torque(known.compressor, at_nodes, motion.journals, power)
+        loss += journal_torque(parameters.compressor, at_nodes, motion.journals, power)
     return joints, journals, loss, rows
 
 
-def _carried(known: Known, resolution: Resolution, grid: Panels, places, motion: Motion) -> Motion:
+def _carried(
+    parameters: OrbitParameters, resolution: Resolution, grid: Panels, places, motion: Motion
+) -> Motion:
     """A motion carried along its panel polynomials to where the places, before and after, move the nodes.
 
     To first order, which keeps the quantities that mark the reversals up with the places: these then
@@ -374,7 +399,7 @@ def _carried(known: Known, resolution: Resolution, grid: Panels, places, motion:
     before, after = places
 
     def angles(places):
-        return resolution.panels_between(known.edges, places).angle
+        return resolution.panels_between(parameters.edges, places).angle
 
     _, shift = jax.jvp(angles, (before,), (after - before,))
     width = grid.width[:, None]
@@ -383,10 +408,10 @@ def _carried(known: Known, resolution: Resolution, grid: Panels, places, motion:
     values = jnp.stack([motion.energy, motion.acceleration])
     if motion.journals is not None:
         values = jnp.concatenate([values, motion.journals.reshape(-1, *shift.shape)])
-    energy, acceleration, *rest = values + share * (values @ grid.rule.derivative.T)
+    energy, acceleration, *components = values + share * (values @ grid.rule.derivative.T)
     journals = motion.journals
     if journals is not None:
-        journals = jnp.stack(rest).reshape(journals.shape)
+        journals = jnp.stack(components).reshape(journals.shape)
     return Motion(
         energy, acceleration, motion.first_energy, motion.joints, after / PLACE_UNIT, journals
     )

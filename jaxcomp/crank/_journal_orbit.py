@@ -118,9 +118,9 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
         if not law.moves and issubclass(law.model, AbstractSolvedFilm):
             film = "short" if law.film == "short" else "reynolds"
             bearing = rebuilt(law, film=film, motion="orbit", thin_film=thin_film(law))
-            both = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
+            sums = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]
             names.append(name)
-            rows.append((bearing, -orbit.loads.forces[name], jnp.stack(both)))
+            rows.append((bearing, -orbit.loads.forces[name], jnp.stack(sums)))
     if not rows:
         return {}
 
@@ -185,6 +185,6 @@ def _where_it_moves(orbit: JournalOrbit, count: int) -> Float[Array, " count"]:
     """[rad] Places between which a journal moves equally far."""
     position = orbit.film.position
     steps = jnp.hypot(*jnp.diff(position, axis=1, prepend=position[:, :1]))
-    way = jnp.cumsum(steps)
+    distance = jnp.cumsum(steps)
     share = (jnp.arange(count) + 0.5) / count
-    return jnp.interp(share * way[-1], way, orbit.angle)
+    return jnp.interp(share * distance[-1], distance, orbit.angle)

@@ -22,7 +22,7 @@ from .._core.fields import rebuilt
 from .._core.polynomials import Rule
 from .._core.status import Status
 from ..compressor import Compressor
-from ..crankshaft.interface import moving_journals, placed
+from ..crankshaft.interface import moving_journals, with_journal_positions
 from ..film import AbstractSqueeze, JournalBearing
 from ..film.interface import (
     MixedSqueeze,
@@ -57,7 +57,7 @@ FEWEST_PANELS = 24
 Positions = Float[Array, "2 k *n"]
 
 
-class Moving(NamedTuple):
+class MovingJournal(NamedTuple):
     """A journal that moves: name of its law, joint in results, cylinder from 0, bearing."""
 
     law: str
@@ -66,20 +66,20 @@ class Moving(NamedTuple):
     bearing: JournalBearing
 
 
-def moving(compressor: Compressor) -> tuple[Moving, ...]:
+def orbiting_journals(compressor: Compressor) -> tuple[MovingJournal, ...]:
     """All journals whose orbits are solved, in the order of their positions."""
     crankshaft = compressor.crankshaft
-    found = []
-    own = vars(compressor.friction) if compressor.friction is not None else {}
-    journals = moving_journals(compressor.friction, crankshaft.main_journal)
-    for law, bearing in journals.items():
-        if law in own:
+    journals = []
+    laws = vars(compressor.friction) if compressor.friction is not None else {}
+    bearings = moving_journals(compressor.friction, crankshaft.main_journal)
+    for law, bearing in bearings.items():
+        if law in laws:
             for number in range(1, crankshaft.count + 1):
                 joint = crankshaft.joint(law, number)
-                found.append(Moving(law, joint, number - 1, of_cylinder(bearing, number)))
+                journals.append(MovingJournal(law, joint, number - 1, of_cylinder(bearing, number)))
         else:
-            found.append(Moving(law, law, None, bearing))
-    return tuple(found)
+            journals.append(MovingJournal(law, law, None, bearing))
+    return tuple(journals)
 
 
 def with_journals(
@@ -89,21 +89,25 @@ def with_journals(
 
     Args:
         compressor: the machine.
-        positions: (2, k, *n) in the order of `moving`; `None` where no journal moves.
+        positions: (2, k, *n) in the order of `orbiting_journals`; `None` where no journal moves.
         lossless: leave their losses out, for who adds them.
     """
     if positions is None:
         return compressor
     rows: dict[str, list[int]] = {}
-    for number, one in enumerate(moving(compressor)):
-        rows.setdefault(one.law, []).append(number)
-    several = {one.law for one in moving(compressor) if one.cylinder is not None}
+    for number, journal in enumerate(orbiting_journals(compressor)):
+        rows.setdefault(journal.law, []).append(number)
+    several = {
+        journal.law for journal in orbiting_journals(compressor) if journal.cylinder is not None
+    }
     at = {
         law: positions[:, jnp.asarray(numbers)] if law in several else positions[:, numbers[0]]
         for law, numbers in rows.items()
     }
     crankshaft = compressor.crankshaft
-    friction, support = placed(compressor.friction, crankshaft.main_journal, at, lossless)
+    friction, support = with_journal_positions(
+        compressor.friction, crankshaft.main_journal, at, lossless
+    )
     return rebuilt(
         compressor, friction=friction, crankshaft=rebuilt(crankshaft, main_journal=support)
     )
@@ -116,7 +120,7 @@ def by_joint(
     if positions is None:
         return None
     row = positions.reshape(*positions.shape[:2], -1)
-    return {one.joint: row[:, i] for i, one in enumerate(moving(compressor))}
+    return {journal.joint: row[:, i] for i, journal in enumerate(orbiting_journals(compressor))}
 
 
 def position_error(rule: Rule, positions: Float[Array, "2 *k p s"]) -> Float[Array, "*k"]:
@@ -129,8 +133,8 @@ def position_error(rule: Rule, positions: Float[Array, "2 *k p s"]) -> Float[Arr
     terms = jnp.hypot(*jnp.sum(jnp.abs(fixed @ rule.to_legendre[-2:].T), axis=-1))
     between = fixed @ rule.through(np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)).T
     thinnest = jnp.argmax(jnp.max(jnp.hypot(*between), axis=-1), axis=-1)[..., None]
-    both = jnp.maximum(terms, jnp.roll(terms, 1, axis=-1))
-    return jnp.take_along_axis(both, thinnest, axis=-1)[..., 0]
+    nearby_terms = jnp.maximum(terms, jnp.roll(terms, 1, axis=-1))
+    return jnp.take_along_axis(nearby_terms, thinnest, axis=-1)[..., 0]
 
 
 def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, tuple[Any, Any]]:
@@ -147,11 +151,11 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
     if not isinstance(mechanism, SliderCrank):
         return {}
     tilts = rod_motion(crankshaft.each(mechanism, angle), crankshaft.own_angle(angle)).tilt_1
-    found = {}
+    shares = {}
     for number, tilt in enumerate(tilts, 1):
-        found[crankshaft.joint("piston_pin", number)] = (tilt, -tilt)
-        found[crankshaft.joint("crank_pin", number)] = (1 + tilt, 1 - tilt)
-    return found
+        shares[crankshaft.joint("piston_pin", number)] = (tilt, -tilt)
+        shares[crankshaft.joint("crank_pin", number)] = (1 + tilt, 1 - tilt)
+    return shares
 
 
 class Drive(NamedTuple):
@@ -173,20 +177,29 @@ class Drive(NamedTuple):
     def _of_films(self, function, position: Positions, out_axis: int = 1):
         """Values of a function of film, position, force and speed for all journals."""
         if self.over is None:
-            known = position, self.force
-            return mapped(lambda film, e, f: function(film, e, f, None), self.films, *known,
-                          axis=1, out_axis=out_axis)  # fmt: skip
+
+            def without_speed(film, e, f):
+                return function(film, e, f, None)
+
+            return mapped(
+                without_speed, self.films, position, self.force, axis=1, out_axis=out_axis
+            )
+
+        def at_speed(film, e, f, over):
+            # the speed of the crank is the same for all journals: its axis of journals has one entry
+            return function(film, e, f, over[0])
+
         return mapped(
-            lambda film, e, f, over: function(film, e, f, over[0]), self.films, position,
-            self.force, self.over, axis=1, out_axis=out_axis,
-        )  # fmt: skip
+            at_speed, self.films, position, self.force, self.over, axis=1, out_axis=out_axis
+        )
 
     def rate(self, position: Positions) -> Positions:
         """[1/rad] de/dtheta."""
 
         def velocity(film, e, f, over):
-            mixed = isinstance(film, MixedSqueeze)
-            return film.velocity(e, f, over) if mixed else film.mobility(e, f)
+            if isinstance(film, MixedSqueeze):
+                return film.velocity(e, f, over)
+            return film.mobility(e, f)
 
         return self._of_films(velocity, position) + self.turning * quarter_turn(position)
 
@@ -195,10 +208,10 @@ class Drive(NamedTuple):
         if self.over is None:
             return self.force
 
-        def left(film, e, f, over):
+        def of_film(film, e, f, over):
             return film.film_force(e, f, over) if isinstance(film, MixedSqueeze) else f
 
-        return self._of_films(left, position)
+        return self._of_films(of_film, position)
 
     def rate_and_slopes(
         self, position: Positions
@@ -206,21 +219,21 @@ class Drive(NamedTuple):
         """[1/rad] de/dtheta, the part of it that is the film's, and its slopes along the position."""
 
         def film(film, e, f, over):
-            mixed = isinstance(film, MixedSqueeze)
-            value, slopes = (
-                film.velocity_slopes(e, f, over) if mixed else film.mobility_slopes(e, f)
-            )
+            if isinstance(film, MixedSqueeze):
+                value, slopes = film.velocity_slopes(e, f, over)
+            else:
+                value, slopes = film.mobility_slopes(e, f)
             return jnp.stack([value, *slopes])
 
         # journals stand on the axis before the last ones, here behind the three and the components
-        both = self._of_films(film, position, 2)
-        own, along_x, along_y = both
+        terms = self._of_films(film, position, 2)
+        film_rate, along_x, along_y = terms
         turn = self.turning
         slopes = jnp.stack([
             jnp.stack([along_x[0], along_y[0] - turn]),
             jnp.stack([along_x[1] + turn, along_y[1]]),
         ])  # fmt: skip
-        return own + turn * quarter_turn(position), own, slopes
+        return film_rate + turn * quarter_turn(position), film_rate, slopes
 
 
 def orbit_status(
@@ -260,13 +273,14 @@ def journal_drive(
     """
     over = jnp.ones_like(state.speed) if in_time else state.speed
     half = 0.5 * state.speed / over if in_time else 0.5
-    journals = moving(compressor)
+    journals = orbiting_journals(compressor)
     shares = rate_shares(compressor, state.angle)
     ones = jnp.ones_like(state.angle)
-    force = [-forces[one.joint] / (film_unit(one.bearing) * over) for one in journals]
-    turning = [half * shares[one.joint][1] if one.joint in shares else half * ones
-               for one in journals]  # fmt: skip
-    films = tuple(moving_film(one.bearing) for one in journals)
+    force = [-forces[journal.joint] / (film_unit(journal.bearing) * over) for journal in journals]
+    # joints of the shaft itself are not listed: their bushes stand still
+    sums = [shares.get(journal.joint, (ones, ones))[1] for journal in journals]
+    turning = [half * rates for rates in sums]
+    films = tuple(moving_film(journal.bearing) for journal in journals)
     drive = Drive(films, jnp.stack(force, axis=1), jnp.stack(turning))
     if not any(isinstance(film, MixedSqueeze) for film in films):
         return drive
@@ -315,10 +329,11 @@ def _correction(
     matrix = jnp.eye(2 * count) - jnp.einsum(
         "p,ij,abpj->paibj", fixed, rule.integral, slopes
     ).reshape(panels, 2 * count, 2 * count)
-    left = jnp.broadcast_to(jnp.kron(jnp.eye(2), jnp.ones((count, 1))), (panels, 2 * count, 2))
+    from_left = jnp.broadcast_to(jnp.kron(jnp.eye(2), jnp.ones((count, 1))), (panels, 2 * count, 2))
     defect = grid.width[:, None] * (rate @ rule.integral.T) - position
     right = jnp.moveaxis(defect, 0, 1).reshape(panels, 2 * count, 1)
-    inner = jnp.linalg.solve(matrix, jnp.concatenate([left, right], axis=-1))
+    inner = jnp.linalg.solve(matrix, jnp.concatenate([from_left, right], axis=-1))
+    # The matrices of all panels are eliminated at once; what is left is a chain of two by two maps.
     # d at the nodes = inner[..., :2] left + inner[..., 2], as inner is (2, 3, p, s)
     inner = jnp.transpose(inner.reshape(panels, 2, count, 3), (1, 3, 0, 2))
     towards = slopes * (fixed[:, None] * rule.weights)
@@ -329,12 +344,15 @@ def _correction(
     first = _two_by_two(jnp.eye(2) - maps[..., -1], shifts[:, -1])
     lefts = _apply(maps, first[:, None]) + shifts
     lefts = jnp.concatenate([first[:, None], lefts[:, :-1]], axis=1)
-    own = lax.stop_gradient(inner[:, :2])
-    return own[:, 0] * lefts[0][:, None] + own[:, 1] * lefts[1][:, None] + inner[:, 2]
+    homogeneous = lax.stop_gradient(inner[:, :2])
+    return (
+        homogeneous[:, 0] * lefts[0][:, None] + homogeneous[:, 1] * lefts[1][:, None] + inner[:, 2]
+    )
 
 
 def _prefixes(maps: Float[Array, "2 2 p"], shifts: Float[Array, "2 p"]):
     """The affine maps of two components over the first 1, 2 ... of p panels, by doubling."""
+    # log2 p products of whole rows; a scan would be p steps one after the other
     count = shifts.shape[1]
     step = 1
     while step < count:
@@ -354,6 +372,7 @@ def _apply(maps, vector):
 
 def _two_by_two(matrix, right):
     size = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
+    # I - M of a revolution is singular where a journal forgets nothing of where it began
     size = jnp.where(jnp.abs(size) > 1e-12, size, 1e-12)
     first = matrix[1, 1] * right[0] - matrix[0, 1] * right[1]
     return jnp.stack([first, matrix[0, 0] * right[1] - matrix[1, 0] * right[0]]) / size
@@ -363,13 +382,17 @@ def _step_share(drive, position, new) -> Float[Array, "k 1 1"]:
     """The share of a step after which no journal has come too near to its bush."""
     before, after = (jnp.hypot(*lax.stop_gradient(e)) for e in (position, new))
     room = jnp.maximum(1 - before, 1e-12)
-    left = _ROOM_LEFT * room
+    room_left = _ROOM_LEFT * room
     if drive.over is not None:
-        near = [_TOUCHING / film.contact.ratio if isinstance(film, MixedSqueeze) else jnp.zeros(())
-                for film in drive.films]  # fmt: skip
+        near = []
+        for film in drive.films:
+            touching = jnp.zeros(())
+            if isinstance(film, MixedSqueeze):
+                touching = _TOUCHING / film.contact.ratio
+            near.append(touching)
         near = lax.stop_gradient(jnp.stack(near))[:, None, None]
-        left = jnp.maximum(left, jnp.minimum(_ROOM_IN_CONTACT * room, near))
-    share = (room - left) / jnp.maximum(after - before, 1e-300)
+        room_left = jnp.maximum(room_left, jnp.minimum(_ROOM_IN_CONTACT * room, near))
+    share = (room - room_left) / jnp.maximum(after - before, 1e-300)
     share = jnp.where(after > before, share, 1.0)
     return jnp.minimum(jnp.min(share, axis=(-2, -1), keepdims=True), 1.0)
 
@@ -387,12 +410,12 @@ def journal_torque(
     """
     shares = rate_shares(compressor, state.angle)
     total = jnp.zeros_like(state.speed)
-    for number, one in enumerate(moving(compressor)):
-        share = shares[one.joint][0] if one.joint in shares else 1.0
-        squeeze = one.bearing.radial_clearance * film_unit(one.bearing) * power[number]
-        shear = shear_drag(one.bearing, position[:, number]) * share**2
+    for number, journal in enumerate(orbiting_journals(compressor)):
+        share, _ = shares.get(journal.joint, (1.0, 1.0))
+        squeeze = journal.bearing.radial_clearance * film_unit(journal.bearing) * power[number]
+        shear = shear_drag(journal.bearing, position[:, number]) * share**2
         total += (shear + squeeze) * state.speed
-        contact = ring_contact(one.bearing)
+        contact = ring_contact(journal.bearing)
         if contact is not None:
             total += contact.torque(position[:, number], share * state.speed) * share
     return total

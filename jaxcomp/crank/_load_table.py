@@ -8,6 +8,7 @@ $\beta = \int_0^\theta \omega_i/\omega\,d\theta$, so that they are the fixed one
 import dataclasses as dc
 import math
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import equinox as eqx
@@ -88,14 +89,16 @@ class LoadTable(eqx.Module):
         between: Between = "spline",
     ):
         x = np.asarray(angle, float)
-        speeds = (journal_speed, bush_speed)
-        rows = [*np.asarray(load, float), *(np.asarray(s, float) for s in speeds if s is not None)]
-        if x.ndim != 1 or len(rows) != 2 + sum(s is not None for s in speeds):
+        speeds = {"journal_speed": journal_speed, "bush_speed": bush_speed}
+        speeds = {name: np.asarray(s, float) for name, s in speeds.items() if s is not None}
+        components = list(np.asarray(load, float))
+        if x.ndim != 1 or len(components) != 2:
             raise BadInput("load", f"of shape {np.shape(load)}", "(2, n), for n angles")
-        names = ["W_x", "W_y", *(n for n, s in zip(_SPEEDS, speeds, strict=True) if s is not None)]
-        for word, field, known in ((frame, "frame", _FRAMES), (between, "between", _BETWEEN)):
-            if word not in known:
-                raise BadInput(field, word, one_of(word, known))
+        rows = [*components, *speeds.values()]
+        names = ["W_x", "W_y", *speeds]
+        for word, field, allowed in ((frame, "frame", _FRAMES), (between, "between", _BETWEEN)):
+            if word not in allowed:
+                raise BadInput(field, word, one_of(word, allowed))
         for name, row in zip(["angle", *names], [x, *rows], strict=True):
             if row.shape != x.shape:
                 raise BadInput(name, f"{row.size} numbers", f"{x.size}, one for each angle")
@@ -106,10 +109,10 @@ class LoadTable(eqx.Module):
         count = x.size - closed
         self.angle = jnp.asarray(x[:count])
         self.load = jnp.asarray(np.stack(rows[:2])[:, :count])
-        own = iter(rows[2:])
-        self.journal_speed, self.bush_speed = (
-            None if s is None else jnp.asarray(next(own)[:count]) for s in speeds
-        )
+        # a last point that closes the period repeats the first one
+        speeds = {name: jnp.asarray(row[:count]) for name, row in speeds.items()}
+        self.journal_speed = speeds.get("journal_speed")
+        self.bush_speed = speeds.get("bush_speed")
         self.frame = frame
         self.between = between
 
@@ -136,8 +139,10 @@ class LoadTable(eqx.Module):
             journal, bush: [-] of those that the table does not have.
         """
 
-        def share(own, given):
-            return 0 * self.angle + given if own is None else own / speed
+        def share(of_table, constant):
+            if of_table is None:
+                return 0 * self.angle + constant
+            return of_table / speed
 
         return share(self.journal_speed, journal), share(self.bush_speed, bush)
 
@@ -162,17 +167,19 @@ class LoadTable(eqx.Module):
         closed = np.append(share, share[0])
         steps = CubicSpline(knots, closed, bc_type="periodic").antiderivative()
         turns = steps(knots) / TURN
-        left = turns[-1] - round(turns[-1])
+        excess = turns[-1] - round(turns[-1])
         # a table of rounded speeds misses whole revolutions by some digits of its last place
-        if abs(left) > 2e-3:
+        if abs(excess) > 2e-3:
             bound = "such that the axes of the load turn by whole revolutions in the period"
             raise BadInput("frame", f'"{self.frame}", which makes {turns[-1]:.4g}', bound)
-        drift = left / self.period
+        drift = excess / self.period
         at = jnp.asarray(TURN * (turns - drift * (knots - knots[0])))
         slopes = jnp.asarray(closed - TURN * drift)
-        first, here = (cubics(self._within(a), jnp.asarray(knots), at, slopes)
-                       for a in (jnp.zeros(()), angle))  # fmt: skip
-        beta = (first - here) if back else (here - first)
+        at_zero = cubics(self._within(jnp.zeros(())), jnp.asarray(knots), at, slopes)
+        at_angle = cubics(self._within(angle), jnp.asarray(knots), at, slopes)
+        beta = at_angle - at_zero
+        if back:
+            beta = -beta
         cos = jnp.cos(beta)
         sin = jnp.sin(beta)
         return jnp.stack([cos * vectors[0] - sin * vectors[1], sin * vectors[0] + cos * vectors[1]])
@@ -185,14 +192,13 @@ class LoadTable(eqx.Module):
             shares: [-] rates of journal and bush over the speed of the crank; absent, those of a turning
                 journal in a standing bush.
         """
-        own = jnp.stack([self.over(row, angle) for row in self.load])
-        return self.turned(own, angle, shares)
+        in_frame = jnp.stack([self.over(row, angle) for row in self.load])
+        return self.turned(in_frame, angle, shares)
 
     def _within(self, angle):
         return self.angle[0] + jnp.mod(angle - self.angle[0], self.period)
 
 
-_SPEEDS = ("journal_speed", "bush_speed")
 _FRAMES = ("fixed", "journal", "bush")
 _BETWEEN = ("spline", "lines")
 
@@ -201,7 +207,7 @@ def _degrees(angle) -> str:
     return f"{math.degrees(angle):.6g}°"
 
 
-def _period(x: np.ndarray, load: np.ndarray, given: float | None) -> tuple[float, bool]:
+def _period(x: np.ndarray, load: np.ndarray, stated: float | None) -> tuple[float, bool]:
     """[rad] The period, and whether the last point is the first one again."""
     if x.size < 3:
         raise BadInput("angle", f"{x.size} points", "at least one for each 45° of the period")
@@ -211,32 +217,35 @@ def _period(x: np.ndarray, load: np.ndarray, given: float | None) -> tuple[float
         bound = f"greater than {_degrees(x[place - 1])}, the angle before"
         raise BadInput(f"angle[{place}]", _degrees(x[place]), bound)
     span = x[-1] - x[0]
-    period = TURN * math.ceil(span / TURN - 1e-9) if given is None else float(given)
-    last = x.size - 1
+    # a table in degrees to some digits may overrun the revolution by its rounding
+    revolutions = math.ceil(span / TURN - 1e-9)
+    period = TURN * revolutions if stated is None else float(stated)
+    last_index = x.size - 1
     if not period > 0 or span > period * (1 + 1e-9):
         raise BadInput("period", _degrees(period), f">= {_degrees(span)}, what the angles span")
     closed = bool(span > period * (1 - 1e-9))
     size = np.hypot(*load)
-    most = size.max()
+    largest = size.max()
     jump = np.hypot(*(load[:, -1] - load[:, 0]))
-    again = f"periodic: {_degrees(x[-1])} must have the load of {_degrees(x[0])}"
-    if closed and jump > _CLOSES * most:
-        raise BadInput(f"W_x[{last}]", f"{jump:.4g} N away from it", again)
+    periodic = f"periodic: {_degrees(x[-1])} must have the load of {_degrees(x[0])}"
+    if closed and jump > _CLOSES * largest:
+        raise BadInput(f"W_x[{last_index}]", f"{jump:.4g} N away from it", periodic)
     changes = np.hypot(*np.diff(load))
-    if not closed and jump > max(3 * changes.max(), 0.2 * most):
+    if not closed and jump > max(3 * changes.max(), 0.2 * largest):
         bound = f"periodic: from it to {_degrees(x[0])} the load changes most of all steps"
-        raise BadInput(f"W_x[{last}]", f"{jump:.4g} N away from there", bound)
+        raise BadInput(f"W_x[{last_index}]", f"{jump:.4g} N away from there", bound)
     if not closed:
         steps = np.append(steps, period - span)
     usual = np.median(steps)
     even = np.mean(np.abs(steps - usual) < 1e-3 * usual) > _EVEN
-    widest = min(WIDEST * (1 + 1e-9), _LONGER * usual if even else math.inf)
+    longest = _LONGER * usual if even else math.inf
+    widest = min(WIDEST * (1 + 1e-9), longest)
     if np.any(steps > widest):
         place = int(np.argmax(steps > widest))
-        to = _degrees(x[0] + period if place == last else x[place + 1])
+        to = _degrees(x[0] + period if place == last_index else x[place + 1])
         usual = f"the others are {_degrees(usual)} wide" if even else f"at most {_degrees(WIDEST)}"
         bound = f"without a gap: no point follows up to {to} ({usual})"
-        if place == last and given is None:
+        if place == last_index and stated is None:
             bound += (
                 f", the end of a period of {_degrees(period)}; give the period if it is another"
             )
@@ -281,7 +290,9 @@ class LoadedJournal(Result, eqx.Module):
 
     def nested(self) -> dict[str, Any]:
         """The bearing, how the table was read, and what is found over a period."""
-        numbers = {one.name: one.values for one in self.described() if not one.dims}
+        numbers = {
+            quantity.name: quantity.values for quantity in self.described() if not quantity.dims
+        }
         limits = {"limits": squeeze_of(self.bearing).limits}
         table = fields_of(self.table, "frame", "between")
         return limits | table | sizes_of(self.bearing) | numbers
@@ -349,20 +360,27 @@ def loaded_journal(
             of the table that do not turn by whole revolutions in its period.
         SolveFailed: no convergence, a film that closes, or one thinner than the roughness.
     """
-    bearing, speed = dc.replace(bearing, motion="orbit"), single_number("speed", speed)
+    bearing = dc.replace(bearing, motion="orbit")
+    speed = single_number("speed", speed)
     if not speed > 0:
         raise BadInput("speed", float(speed), "> 0 rad/s")
     shares = table.shares(speed, journal, bush)
 
     def solved(table: LoadTable, even: int):
-        turning, holding = (lambda angle, s=share: table.over(s, angle) for share in shares)
         further = jnp.linspace(table.edges[0], table.edges[-1], even + 1)[1:-1]
         return journal_orbit(
-            bearing, lambda angle: table.load_at(angle, shares), speed, journal=turning, bush=holding,
-            edges=jnp.append(table.edges, further), nodes=_NODES, period=table.period,
-        )  # fmt: skip
+            bearing,
+            lambda angle: table.load_at(angle, shares),
+            speed,
+            journal=partial(table.over, shares[0]),
+            bush=partial(table.over, shares[1]),
+            edges=jnp.append(table.edges, further),
+            nodes=_NODES,
+            period=table.period,
+        )
 
-    even, orbit = 1, solved(table, 1)
+    even = 1
+    orbit = solved(table, even)
     for halving in range(1, _HALVINGS + 1):
         film = orbit.film
         good = orbit.status == Status.converged and film.film_error < _FINE * film.minimum_film
@@ -372,18 +390,25 @@ def loaded_journal(
         orbit = solved(table, even)
     film = orbit.film
     other: Between = "lines" if table.between == "spline" else "spline"
-    others = solved(rebuilt(table, between=other), even)
+    other_orbit = solved(rebuilt(table, between=other), even)
     least = roughness_of(bearing)
     below = film.minimum_film < (0.0 if least is None else least)
     thin = (orbit.status == Status.converged) & below
     status = Status.where(thin, Status.thin_film, orbit.status)
     if throw and status != Status.converged:
         raise SolveFailed(status, f"smallest film {1e6 * float(film.minimum_film):.3g} µm")
-    back = [table.turned(one, orbit.angle, shares, back=True) for one in (film.load, film.position)]
     return LoadedJournal(
-        bearing, table, speed, orbit.angle, *back, film, _thinnest(orbit.angle, film.position),
-        jnp.abs(film.minimum_film - others.film.minimum_film), status,
-    )  # fmt: skip
+        bearing=bearing,
+        table=table,
+        speed=speed,
+        angle=orbit.angle,
+        load=table.turned(film.load, orbit.angle, shares, back=True),
+        position=table.turned(film.position, orbit.angle, shares, back=True),
+        film=film,
+        minimum_film_angle=_thinnest(orbit.angle, film.position),
+        table_error=jnp.abs(film.minimum_film - other_orbit.film.minimum_film),
+        status=status,
+    )
 
 
 def _thinnest(angle, position):

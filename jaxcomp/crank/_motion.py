@@ -103,9 +103,9 @@ def motion_at(
     if closure_of(compressor.motor).integrates:
         return solve_motion(compressor, angle, speed, motor_torque, evidence)
     at = instants(compressor, angle)
-    still = jnp.zeros_like(speed)
-    loop = loop_of(compressor, CrankState(angle, speed, still), at.gas_force, at.kinematics)
-    return Instantaneous(still, at, loop.loads(closed(loop.loops), evidence))
+    steady = jnp.zeros_like(speed)
+    loop = loop_of(compressor, CrankState(angle, speed, steady), at.gas_force, at.kinematics)
+    return Instantaneous(steady, at, loop.loads(closed(loop.loops), evidence))
 
 
 class _Equation(AbstractRoot):
@@ -147,6 +147,7 @@ class _Equation(AbstractRoot):
     def slopes(self, unknowns):
         """Slopes of both remainders along the acceleration and along the joints, with the remainders."""
         value, joint = unknowns
+        # acceleration alone, then the joints of each cylinder alone with all others held
         each = self.loop(value).directions(joint)
         ones = jnp.ones_like(value)
         zeros = jnp.zeros_like(value)
@@ -162,17 +163,19 @@ class _Equation(AbstractRoot):
 
         The loops of several cylinders do not know each other: each follows the acceleration by itself.
         """
-        (torque, force), (by_torque, by_force) = residual, slopes
+        torque, force = residual
+        by_torque, by_force = slopes
         # joints that lock have slopes that are not positive; those of the bare machine are safe
         stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0), 1e-3)
         inertia = by_torque[0] - jnp.sum(by_torque[1:] * by_force[0] / stiff, axis=0)
+        # near self-locking the effective inertia passes zero: a step of the wrong sign would not return
         inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
         change = -(torque - jnp.sum(by_torque[1:] * force / stiff, axis=0)) / inertia
         return change, -(force + by_force[0] * change) / stiff
 
 
-class Instant(NamedTuple):
-    """The last motion as a closure is told of it, on panels with s nodes."""
+class Course(NamedTuple):
+    """The course of a motion over the revolution as closures read it, on panels with s nodes."""
 
     grid: Panels
     speed_scale: Float[Array, ""]  # [rad/s]
@@ -215,12 +218,12 @@ class AbstractClosure(eqx.Module):
 
     @abstractmethod
     def improve(
-        self, motor: Any, now: Instant, steepness: Float[Array, "p s"] | None
+        self, motor: Any, course: Course, steepness: Float[Array, "p s"] | None
     ) -> tuple[Float[Array, "p s"], Float[Array, "p s"], Float[Array, ""]]:
         """Better kinetic energy [-] at the nodes, its slope [N m], and the energy at the first edge."""
 
     @abstractmethod
-    def torque(self, now: Instant) -> Float[Array, "p s"]:
+    def torque(self, course: Course) -> Float[Array, "p s"]:
         """[N m] of the motor in a motion that solves the equation."""
 
     def verdict(
@@ -238,19 +241,21 @@ class AbstractClosure(eqx.Module):
 class _MeanSpeed(AbstractClosure):
     level_is_unknown: ClassVar[bool] = True
 
-    def _level(self, now):
+    def _level(self, course):
         """Level of the motor torque that makes the net work of a revolution vanish."""
-        return now.grid.total(now.loss - now.conservative) / now.grid.total(now.motor)
+        return course.grid.total(course.loss - course.conservative) / course.grid.total(
+            course.motor
+        )
 
-    def torque(self, now):
-        return self._level(now) * now.motor
+    def torque(self, course):
+        return self._level(course) * course.motor
 
-    def improve(self, motor, now, steepness):
+    def improve(self, motor, course, steepness):
         del steepness
-        slope = self.torque(now) + now.conservative - now.loss
-        gained, _ = now.grid.cumulative(slope)
-        gained = gained / now.energy_scale
-        first = _energy_for_period(now, gained, 2 * jnp.pi / motor.mean_speed)
+        slope = self.torque(course) + course.conservative - course.loss
+        gained, _ = course.grid.cumulative(slope)
+        gained = gained / course.energy_scale
+        first = _energy_for_period(course, gained, 2 * jnp.pi / motor.mean_speed)
         return gained + first, slope, first
 
     def verdict(self, motor, period, growth, status):
@@ -260,15 +265,16 @@ class _MeanSpeed(AbstractClosure):
         return Status.where(slow, Status.stalled, status)
 
 
-def _energy_for_period(now: Instant, gained, period):
+def _energy_for_period(course: Course, gained, period):
     """Kinetic energy at the first edge for which the revolution takes the period.
 
     Newton's method on period^-2, which is nearly linear in the energy.
     """
-    root = jnp.sqrt(now.inertia / (2 * now.energy_scale)) * now.grid.weight
+    # dt = sqrt(J/2E) dtheta. Two steps, since the iteration of the orbit goes on from the last value.
+    root = jnp.sqrt(course.inertia / (2 * course.energy_scale)) * course.grid.weight
     lowest = lax.stop_gradient(jnp.min(gained))
     least = 1e-3 * jnp.abs(lowest) - lowest
-    first = jnp.maximum(now.first_energy, least)
+    first = jnp.maximum(course.first_energy, least)
     for _ in range(2):
         level = jnp.maximum(gained + first, 1e-6)
         passing = root / jnp.sqrt(level)
@@ -281,37 +287,45 @@ def _energy_for_period(now: Instant, gained, period):
 class _TorqueCurve(AbstractClosure):
     needs_steepness: ClassVar[bool] = True
 
-    def torque(self, now):
-        return now.motor
+    def torque(self, course):
+        return course.motor
 
-    def improve(self, motor, now, steepness):
+    def improve(self, motor, course, steepness):
         """A Newton step with the slope of the torques over E, an implicit step on every panel."""
         del motor
         assert steepness is not None
-        grid = now.grid
-        scale = now.energy_scale
-        slope = now.motor + now.conservative - now.loss - 0.5 * now.closed_inertia_1 * now.base**2
+        grid = course.grid
+        scale = course.energy_scale
+        slope = (
+            course.motor
+            + course.conservative
+            - course.loss
+            - 0.5 * course.closed_inertia_1 * course.base**2
+        )
         # dE/dtheta = slope + steep (E - E_last), all over `scale`, panel by panel
-        rest = slope / scale - steepness * now.energy
+        constant = slope / scale - steepness * course.energy
         count = grid.rule.nodes.size
+        # by the largest of the panel, so that all nodes of it have the same rule
         stiff = (grid.width * jnp.max(jnp.abs(steepness), axis=1)) ** 2
         damped = (stiff / (stiff + _STIFF**2))[:, None, None] * grid.rule.damping
         integral = grid.width[:, None, None] * (grid.rule.integral + damped)
         matrix = jnp.eye(count) - integral * steepness[:, None, :]
-        right = jnp.stack([jnp.ones_like(rest), jnp.einsum("pij,pj->pi", integral, rest)], axis=-1)
+        right = jnp.stack(
+            [jnp.ones_like(constant), jnp.einsum("pij,pj->pi", integral, constant)], axis=-1
+        )
         answer = solve_small(matrix, right)  # E at the nodes = answer[0] E_left + answer[1]
         factor = 1 + jnp.sum(grid.weight * steepness * answer[..., 0], axis=1)
-        shift = jnp.sum(grid.weight * (rest + steepness * answer[..., 1]), axis=1)
+        shift = jnp.sum(grid.weight * (constant + steepness * answer[..., 1]), axis=1)
 
-        def join(one, next_):
-            return one[0] * next_[0], next_[0] * one[1] + next_[1]
+        def join(before, after):
+            return before[0] * after[0], after[0] * before[1] + after[1]
 
         # over the first panels: E at their end = through[0] E at the first edge + through[1]
         through = lax.associative_scan(join, (factor, shift))
         first = through[1][-1] / (1 - through[0][-1])
         lefts = jnp.concatenate([first[None], (through[0] * first + through[1])[:-1]])
         energy = answer[..., 0] * lefts[:, None] + answer[..., 1]
-        return energy, (rest + steepness * energy) * scale, first
+        return energy, (constant + steepness * energy) * scale, first
 
     def verdict(self, motor, period, growth, status):
         del motor, period
@@ -326,15 +340,15 @@ class _GivenSpeed(AbstractClosure):
         del motor, base
         return jnp.zeros_like(change)
 
-    def torque(self, now):
+    def torque(self, course):
         r"""$M_D = \tfrac12 J'(\theta)\,\omega^2 - M_{gas} + M_{loss}(\theta,\omega,0)$."""
-        return 0.5 * now.closed_inertia_1 * now.speed**2 - now.conservative + now.loss
+        return 0.5 * course.closed_inertia_1 * course.speed**2 - course.conservative + course.loss
 
-    def improve(self, motor, now, steepness):
+    def improve(self, motor, course, steepness):
         del steepness
         square = motor.mean_speed**2
-        energy = 0.5 * now.inertia * square / now.energy_scale
-        return energy, 0.5 * now.inertia_1 * square, now.first_energy
+        energy = 0.5 * course.inertia * square / course.energy_scale
+        return energy, 0.5 * course.inertia_1 * square, course.first_energy
 
 
 _CLOSURES = {"mean_speed": _MeanSpeed(), "torque": _TorqueCurve(), "speed": _GivenSpeed()}

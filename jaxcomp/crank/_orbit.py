@@ -156,15 +156,7 @@ class Orbit(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         at = self.table_dims
-        has = {"orbit"} if self.cycle is None else {"orbit", "cycle"}
-        known = tuple(one for one in registered() if "orbit" in one.needs and set(one.needs) <= has)
-        values = _values(self, known)
-        for one in known:
-            if one.name not in values:
-                continue
-            value = values[one.name]
-            for name, single in value.items() if one.family else [(None, value)]:
-                yield Data(f"{one.family}.{name}" if name else one.name, one.unit, single)
+        yield from self._registered()
         yield Data("energy_residual", "", self.energy.residual)
         yield Data("residual", "", self.residual)
         if self.verification is not None:
@@ -177,18 +169,34 @@ class Orbit(Result, eqx.Module):
         if self.pressure is not None:
             every = jnp.moveaxis(self.pressure, -2, 0)
             for number, pressure in enumerate(every, 1):
-                yield Data(
-                    "pressure" if len(every) == 1 else f"pressure.{number}", "Pa", pressure, at
-                )
+                name = "pressure" if len(every) == 1 else f"pressure.{number}"
+                yield Data(name, "Pa", pressure, at)
         yield Data("motor_torque", "N m", self.motor_torque, at)
         yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
         for name, torque in self.loads.loss_torque.items():
             yield Data(f"friction_torque.{name}", "N m", torque, at, "power lost over crank speed")
         for name, force in self.loads.forces.items():
-            x, y = force[..., 0, :], force[..., 1, :]
+            x = force[..., 0, :]
+            y = force[..., 1, :]
             yield Data(f"joint_force.{name}.x", "N", x, at)
             yield Data(f"joint_force.{name}.y", "N", y, at)
             yield Data(f"joint_force.{name}", "N", jnp.hypot(x, y), at)
+
+    def _registered(self) -> Iterator[Data]:
+        """The quantities of the registry that an orbit, with its cycle if it has one, is enough for."""
+        has = {"orbit"} if self.cycle is None else {"orbit", "cycle"}
+        of_orbit = (quantity for quantity in registered() if "orbit" in quantity.needs)
+        quantities = tuple(quantity for quantity in of_orbit if set(quantity.needs) <= has)
+        values = _values(self, quantities)
+        for quantity in quantities:
+            if quantity.name not in values:
+                continue
+            value = values[quantity.name]
+            if not quantity.family:
+                yield Data(quantity.name, quantity.unit, value)
+                continue
+            for name, member in value.items():
+                yield Data(f"{quantity.family}.{name}", quantity.unit, member)
 
     def under_gas(self, compressor: Compressor) -> Compressor:
         """The compressor with the pressures of this orbit in the place of a cylinder's own gas.
@@ -207,10 +215,10 @@ class Orbit(Result, eqx.Module):
         start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
         at = start + jnp.mod(angle - start, 2 * jnp.pi)
         panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
-        own = jnp.eye(self.panel_nodes, dtype=bool)
+        same_node = jnp.eye(self.panel_nodes, dtype=bool)
         # Lagrange's form, for its derivatives along the angle: factors over all nodes but the value's own
-        over = jnp.where(own, 1.0, (at[:, None] - x[panel])[:, None, :])
-        apart = jnp.where(own, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
+        over = jnp.where(same_node, 1.0, (at[:, None] - x[panel])[:, None, :])
+        apart = jnp.where(same_node, 1.0, x[panel][:, :, None] - x[panel][:, None, :])
         return jnp.sum(y[panel] * jnp.prod(over / apart, axis=-1), axis=-1)
 
     @property
@@ -237,10 +245,11 @@ class Orbit(Result, eqx.Module):
         """
         load = self.loads.total_loss_torque - self.gas_torque
         width = self.panel_width
-        both = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
-        extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(both)
+        signed_loads = jnp.stack([load, -load]).reshape(2, *width.shape, self.panel_nodes)
+        extremes = jax.vmap(partial(highest, gauss(self.panel_nodes), width))(signed_loads)
         swing = jnp.sum(extremes)
         work = jnp.sum(self.weight * load)
+        # what quadrature and rounding leave of a work that cancels is no mean to divide by
         some = jnp.abs(work) > _NO_WORK * jnp.sum(self.weight * jnp.abs(load))
         return jnp.where(some, swing * 2 * jnp.pi / jnp.where(some, work, 1.0), jnp.inf)
 
@@ -318,8 +327,8 @@ class Orbit(Result, eqx.Module):
     def panel_edges(self) -> Float[Array, " p_plus_1"]:
         """[rad] of the panels; the last is a revolution after the first."""
         first = self.state.angle.reshape(-1, self.panel_nodes)[:, 0]
-        left = first - self.panel_width * gauss(self.panel_nodes).nodes[0]
-        return jnp.append(left, left[0] + 2 * jnp.pi)
+        starts = first - self.panel_width * gauss(self.panel_nodes).nodes[0]
+        return jnp.append(starts, starts[0] + 2 * jnp.pi)
 
 
 @kept_jit
@@ -329,6 +338,7 @@ def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> dict[str, Any]:
     def read(orbit):
         return offered_values(quantities, SimpleNamespace(orbit=orbit))
 
+    # each axis that a batch has before those of one orbit
     for _ in range(jnp.ndim(orbit.mean_speed)):
         read = eqx.filter_vmap(read)
     return read(orbit)
@@ -356,18 +366,20 @@ def rod_load_reversal(
     """
     angle = orbit.state.angle
     step = jnp.diff(jnp.append(angle, angle[0] + 2 * jnp.pi))
-    found = {}
+    reversals = {}
     for name, force in orbit.loads.forces.items():
         if name.startswith("piston_pin"):
-            one = force[0]
-            two = jnp.roll(one, -1)
-            away = jnp.abs(one) + jnp.abs(two)
-            share = (jnp.maximum(one, 0) + jnp.maximum(two, 0)) / jnp.where(away > 0, away, 1.0)
+            along_rod = force[0]
+            following = jnp.roll(along_rod, -1)
+            away = jnp.abs(along_rod) + jnp.abs(following)
+            share = (jnp.maximum(along_rod, 0) + jnp.maximum(following, 0)) / jnp.where(
+                away > 0, away, 1.0
+            )
             tension = jnp.sum(step * share)
-            sides = jnp.stack([jnp.max(one), -jnp.min(one)])
+            sides = jnp.stack([jnp.max(along_rod), -jnp.min(along_rod)])
             ratio = jnp.maximum(jnp.min(sides), 0.0) / jnp.max(sides)
-            found[name] = jnp.minimum(tension, 2 * jnp.pi - tension), ratio
-    return found
+            reversals[name] = jnp.minimum(tension, 2 * jnp.pi - tension), ratio
+    return reversals
 
 
 def time_harmonics(

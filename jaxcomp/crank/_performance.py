@@ -133,11 +133,11 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     valves = [work[f"{valve} valve"] * cycle.frequency for valve in ("suction", "discharge")]
     sides = ("suction", "discharge")
     pipes = [work[f"{side} piping"] * cycle.frequency for side in sides if f"{side} piping" in work]
-    known = [isentropic, before, *valves, *pipes, work["leakage"] * cycle.frequency]
+    accounted = [isentropic, before, *valves, *pipes, work["leakage"] * cycle.frequency]
     # the orbit's quadrature of the gas work, so that the sum is exact
-    rest = orbit.gas_power - sum(known, start=jnp.zeros(()))
+    unaccounted = orbit.gas_power - sum(accounted, start=jnp.zeros(()))
     # and what the energy of the orbit leaves open counts as friction
-    shares = (*known, rest, shaft - orbit.gas_power, electric - shaft)
+    shares = (*accounted, unaccounted, shaft - orbit.gas_power, electric - shaft)
     names = [name for name in POWER if pipes or not name.endswith("_piping")]
     overall = isentropic / (electric + (electric == 0))
     return Performance(

@@ -17,8 +17,8 @@ from jaxtyping import Array, Bool, Float, Int
 from .._core.roots import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
     PLACE_UNIT,
-    Known,
     Motion,
+    OrbitParameters,
     Resolution,
     Reversals,
     improve,
@@ -71,37 +71,43 @@ class OrbitProblem(AbstractFixedPoint):
     # whether places follow the motion in the last iterations; those of derivatives they follow always
     follow: bool = eqx.field(static=True, default=True)
 
-    def step(self, parameters: Known, data, unknowns: Motion) -> Motion:
+    def step(self, parameters: OrbitParameters, data, unknowns: Motion) -> Motion:
         reversals, _ = data
         return improve(parameters, self.resolution, reversals, unknowns)[0]
 
-    def solve(self, parameters: Known) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
+    def solve(
+        self, parameters: OrbitParameters
+    ) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
         """Solve on panels between the known kinks, place the reversals, solve and place again.
 
         Then solve with places that follow the motion, or stay. All rounds share one iteration.
         """
-        known = frozen(parameters)
-        motion = initial_motion(known, self.resolution)
+        constants = frozen(parameters)
+        motion = initial_motion(constants, self.resolution)
         places = motion.places
         # none is in use; the motion is the final one if there are no places
         final = jnp.asarray(not places.size)
         unused = jnp.full(places.shape, -1)
         reversals = Reversals(unused, jnp.ones_like(places), places, places, final)
         if not places.size:
-            return self._on_known_panels(known, reversals, motion)
+            return self._on_known_panels(constants, reversals, motion)
 
         def round_(index, carry):
             motion, reversals, brackets, _ = carry
-            last = index == _ROUNDS - 1
+            is_last = index == _ROUNDS - 1
             if self.follow:
-                reversals = eqx.tree_at(lambda r: r.moving, reversals, last)
-            placing = _PLACING if self.follow else jnp.where(index == 0, _PLACING, _HELD)
-            tolerance = jnp.where(last, self.tolerance, placing)
-            motion, marks, reversals, report = self._settled(known, reversals, motion, tolerance)
+                reversals = eqx.tree_at(lambda r: r.moving, reversals, is_last)
+            placing = _PLACING
+            if not self.follow:
+                placing = jnp.where(index == 0, _PLACING, _HELD)
+            tolerance = jnp.where(is_last, self.tolerance, placing)
+            motion, marks, reversals, report = self._iterated(
+                constants, reversals, motion, tolerance
+            )
             motion, reversals, brackets = lax.cond(
-                last,
+                is_last,
                 lambda: (motion, reversals, brackets),
-                lambda: self._place(known, motion, marks, brackets, index == 0),
+                lambda: self._place(constants, motion, marks, brackets, index == 0),
             )
             return motion, reversals, brackets, report
 
@@ -112,46 +118,48 @@ class OrbitProblem(AbstractFixedPoint):
         )
         return motion, (reversals, report)
 
-    def _on_known_panels(self, known: Known, reversals: Reversals, motion: Motion):
+    def _on_known_panels(self, parameters: OrbitParameters, reversals: Reversals, motion: Motion):
         """The solution without places of reversals."""
         # panels that stay where they are need not be cut in every iteration
-        cut = revolution(known, self.resolution, motion.places)
+        cut = revolution(parameters, self.resolution, motion.places)
 
         def step(motion, _):
-            return improve(known, self.resolution, reversals, motion, cut)[0], None
+            return improve(parameters, self.resolution, reversals, motion, cut)[0], None
 
-        limits = self.tolerance, self.max_iterations, rounding_of(known)
+        limits = self.tolerance, self.max_iterations, rounding_of(parameters)
         motion, _, report = settle(step, motion, None, *limits)
         return motion, (reversals, report)
 
-    def _settled(self, known: Known, reversals: Reversals, motion: Motion, tolerance):
+    def _iterated(
+        self, parameters: OrbitParameters, reversals: Reversals, motion: Motion, tolerance
+    ):
         """One round: the motion, what marks reversals at its nodes, reversals and report."""
         # as above, places that stay in a round
-        cut = None if self.follow else revolution(known, self.resolution, motion.places)
+        cut = None if self.follow else revolution(parameters, self.resolution, motion.places)
 
-        def step(motion, beside):
-            _, reversals, before = beside
-            better, marks, value = improve(known, self.resolution, reversals, motion, cut)
-            now = motion.places, value
+        def step(motion, auxiliary):
+            _, reversals, before = auxiliary
+            better, marks, value = improve(parameters, self.resolution, reversals, motion, cut)
+            at_places = motion.places, value
             if self.follow:
-                reversals = _by_secant(reversals, before, now)
-            return better, (marks, reversals, now)
+                reversals = _by_secant(reversals, before, at_places)
+            return better, (marks, reversals, at_places)
 
-        _, marks, _ = eqx.filter_eval_shape(improve, known, self.resolution, reversals, motion)
+        _, marks, _ = eqx.filter_eval_shape(improve, parameters, self.resolution, reversals, motion)
         unknown = jnp.full_like(motion.places, jnp.nan)
-        beside = jnp.zeros(marks.shape, marks.dtype), reversals, (unknown, unknown)
-        limits = tolerance, self.max_iterations, rounding_of(known)
-        motion, (marks, reversals, _), report = settle(step, motion, beside, *limits)
+        auxiliary = jnp.zeros(marks.shape, marks.dtype), reversals, (unknown, unknown)
+        limits = tolerance, self.max_iterations, rounding_of(parameters)
+        motion, (marks, reversals, _), report = settle(step, motion, auxiliary, *limits)
         return motion, marks, reversals, report
 
-    def _place(self, known, motion: Motion, marks, brackets: _Brackets, first):
+    def _place(self, parameters, motion: Motion, marks, brackets: _Brackets, first):
         """Place the reversals of a motion, with the motion on the new panels."""
-        grid = self.resolution.panels_between(known.edges, motion.places)
-        found = self._find(grid, marks)
-        brackets = jax.tree.map(lambda a, b: jnp.where(first, a, b), found, brackets)
-        places, reversals = _bisect(grid, known.edges, marks, brackets)
+        grid = self.resolution.panels_between(parameters.edges, motion.places)
+        located = self._brackets_of(grid, marks)
+        brackets = jax.tree.map(lambda a, b: jnp.where(first, a, b), located, brackets)
+        places, reversals = _bisect(grid, parameters.edges, marks, brackets)
         reversals = eqx.tree_at(lambda r: r.moving, reversals, jnp.asarray(not self.follow))
-        new = self.resolution.panels_between(known.edges, places)
+        new = self.resolution.panels_between(parameters.edges, places)
         angle = jnp.clip(new.angle, grid.edges[0], grid.edges[-1])
         count = new.angle.size
         joints = motion.joints[..., :count].reshape(-1, *new.angle.shape)
@@ -171,7 +179,7 @@ class OrbitProblem(AbstractFixedPoint):
         )
         return moved, reversals, brackets
 
-    def _find(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
+    def _brackets_of(self, grid: Panels, marks: Float[Array, "q p s"]) -> _Brackets:
         """Sign changes inside the panels: the first of the kinks, the sharpest near-zero loads."""
         ends = np.array([1e-3, 1 - 1e-3])
         x = np.concatenate([ends[:1], grid.rule.nodes, ends[1:]])
@@ -185,10 +193,11 @@ class OrbitProblem(AbstractFixedPoint):
         # The magnitude turns within an angle of the load that is left over the rate of the other.
         rate = jnp.abs(jnp.diff(values[along], axis=-1)) / jnp.diff(angle)
         width = jnp.abs(values[self.kinks + loads :, :, :-1]) / (rate + 1e-300)
-        # of the kinks the first: their order in the rows
+        # Of the kinks the first, by their order in the rows: each is a real edge. Of the near-zero loads
+        # the sharpest, since only these bend within less than a panel.
         order = jnp.arange(changes[: self.kinks].size, dtype=width.dtype)
         rank = jnp.concatenate([order.reshape(changes[: self.kinks].shape), width])
-        found = []
+        of_each_kind = []
         for begin, end in ((0, self.kinks), (self.kinks, self.kinks + loads)):
             shape = rank[begin:end].shape
             flags = changes[begin:end].reshape(shape[0], shape[1] * shape[2])
@@ -198,17 +207,17 @@ class OrbitProblem(AbstractFixedPoint):
             best, order = lax.top_k(-score, count)
             index = jnp.concatenate([index, jnp.zeros(count, int)])[order]
             used = best > -jnp.inf
-            row, panel, left = jnp.unravel_index(jnp.where(used, index, 0), shape)
+            row, panel, sample = jnp.unravel_index(jnp.where(used, index, 0), shape)
             # an unused place goes to the first edge, where it makes a panel of no width
-            low = jnp.where(used, angle[panel, left], grid.edges[0])
-            high = jnp.where(used, angle[panel, left + 1], grid.edges[0])
+            low = jnp.where(used, angle[panel, sample], grid.edges[0])
+            high = jnp.where(used, angle[panel, sample + 1], grid.edges[0])
             # beyond a kink another reversal may lie
             room = 0.3 * (high - low)
             lowest = jnp.maximum(low - room, grid.edges[panel])
             highest = jnp.minimum(high + room, grid.edges[panel + 1])
             row = jnp.where(used, row + begin, -1).astype(int)
-            found.append(_Brackets(low, high, lowest, highest, row))
-        return jax.tree.map(lambda *parts: jnp.concatenate(parts), *found)
+            of_each_kind.append(_Brackets(low, high, lowest, highest, row))
+        return jax.tree.map(lambda *parts: jnp.concatenate(parts), *of_each_kind)
 
 
 def _first_of_each(flags: Bool[Array, "q n"], count: int) -> Int[Array, " m"]:
@@ -219,28 +228,28 @@ def _first_of_each(flags: Bool[Array, "q n"], count: int) -> Int[Array, " m"]:
     size = flags.shape[1]
     places = jnp.where(flags, jnp.arange(size), size)
 
-    def after(last, _):
-        next_ = jnp.min(places, axis=1, initial=size, where=places > last[:, None])
+    def after(previous, _):
+        next_ = jnp.min(places, axis=1, initial=size, where=places > previous[:, None])
         return next_, next_
 
     start = jnp.full(flags.shape[0], -1, places.dtype)
-    _, found = lax.scan(after, start, length=count)
+    _, columns = lax.scan(after, start, length=count)
     rows = size * jnp.arange(flags.shape[0])
-    return jnp.where(found < size, rows + found, flags.size).T.ravel()
+    return jnp.where(columns < size, rows + columns, flags.size).T.ravel()
 
 
-def _by_secant(reversals: Reversals, before, now) -> Reversals:
+def _by_secant(reversals: Reversals, before, after) -> Reversals:
     """Reversals with the slopes that two iterations, (places, values) each, tell of.
 
     Those of `_bisect` belong to polynomials across a kink or beside it: a place followed by them comes
     closer by 0.1 to 0.25 only in an iteration.
     """
-    moved, change = (new - old for new, old in zip(now, before, strict=True))
+    moved, change = (new - old for new, old in zip(after, before, strict=True))
     far = jnp.abs(moved) > _FAR
     share = change / jnp.where(far, moved, 1.0) / reversals.slope
     # the motion, too, moves the value: a slope of another size is its doing
-    told = far & (share > 0.5) & (share < 2.0)
-    slope = jnp.where(told, jnp.maximum(share, _SHALLOWEST), 1.0) * reversals.slope
+    plausible = far & (share > 0.5) & (share < 2.0)
+    slope = jnp.where(plausible, jnp.maximum(share, _SHALLOWEST), 1.0) * reversals.slope
     return eqx.tree_at(lambda r: r.slope, reversals, slope)
 
 
@@ -260,26 +269,26 @@ def _bisect(
         marks: what marks the reversals, at the nodes of the panels.
         brackets: where the reversals were seen.
     """
-    own = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
+    marks_in_row = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
 
     @jax.jit
     def value(angle):
         panel = grid.panel_of(angle)
         width = grid.width[panel]
         x = (angle - grid.edges[panel]) / jnp.where(width > 0, width, 1.0)
-        values = own[jnp.arange(own.shape[0]), panel]
+        values = marks_in_row[jnp.arange(marks_in_row.shape[0]), panel]
         return jnp.sum(values * grid.rule.weights_at(x), axis=-1)
 
     def halve(_, ends):
         low, high, at_low, at_high = ends
         middle = 0.5 * (low + high)
-        here = value(middle)
-        left_side = here * at_low > 0
+        at_middle = value(middle)
+        left_side = at_middle * at_low > 0
         return (
             jnp.where(left_side, middle, low),
             jnp.where(left_side, high, middle),
-            jnp.where(left_side, here, at_low),
-            jnp.where(left_side, at_high, here),
+            jnp.where(left_side, at_middle, at_low),
+            jnp.where(left_side, at_high, at_middle),
         )
 
     ends = jnp.stack([brackets.low, brackets.high])
@@ -287,7 +296,8 @@ def _bisect(
     ends = jnp.where(lost, jnp.stack([brackets.lowest, brackets.highest]), ends)
     start = (*ends, *value(ends))
     low, high, at_low, at_high = lax.fori_loop(0, _HALVINGS, halve, start)
-    rise, width = at_high - at_low, high - low
+    rise = at_high - at_low
+    width = high - low
     # a reversal that a better motion has lost, because it ran into a kink, is not used
     steep = (brackets.row >= 0) & (rise != 0) & (width > 0) & (at_low * at_high <= 0)
     near = rise / jnp.where(steep, width, 1.0)
@@ -301,9 +311,9 @@ def _bisect(
     before = places + jnp.max(jnp.where(ahead <= 0, ahead, -jnp.pi), axis=1) + _ASIDE
     behind = places + jnp.min(jnp.where(ahead > 0, ahead, jnp.pi), axis=1) - _ASIDE
     span = jnp.minimum(0.1 * (brackets.high - brackets.low), behind - places)
-    beside, after = value(jnp.stack([places + 0.1 * span, places + span]))
+    at_near_end, at_far_end = value(jnp.stack([places + 0.1 * span, places + span]))
     roomy = steep & (span > _ASIDE)
-    wide = (after - beside) / jnp.where(roomy, 0.9 * span, 1.0)
+    wide = (at_far_end - at_near_end) / jnp.where(roomy, 0.9 * span, 1.0)
     slope = jnp.where(roomy & (jnp.sign(wide) == jnp.sign(near)), wide, near)
     slope = jnp.where(steep, slope, 1.0)
     row = jnp.where(steep, brackets.row, -1)

@@ -27,8 +27,8 @@ from ..mechanism import CrankState
 from ._collocation import Collocation, default_cycle
 from ._evaluation import orbit_on_panels
 from ._integration import inside_panels, rates_over_angle
-from ._iteration import Known, prepare, revolution_edges
-from ._journals import by_joint, journal_drive, moving, orbit_status, with_journals
+from ._iteration import OrbitParameters, prepare, revolution_edges
+from ._journals import by_joint, journal_drive, orbit_status, orbiting_journals, with_journals
 from ._motion import closure_of, motion_at
 from ._orbit import Energy, Orbit
 from ._panels import panels
@@ -88,19 +88,20 @@ class Shooting(eqx.Module):
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
         closure = closure_of(compressor.motor)
-        still = frozen(compressor)
-        fixed = self._prepared(still)
+        machine = frozen(compressor)
+        fixed = self._prepared(machine)
         first = jnp.ones(2 if closure.level_is_unknown else 1)
         if not closure.integrates:
-            first *= still.motor.speed_guess / fixed.speed
+            first *= machine.motor.speed_guess / fixed.speed
         # journals begin in the middle of their films
-        first = jnp.concatenate([first, jnp.zeros(2 * len(moving(still)))])
-        shot, steps = self._newton(still, fixed, first)
+        first = jnp.concatenate([first, jnp.zeros(2 * len(orbiting_journals(machine)))])
+        shot, steps = self._newton(machine, fixed, first)
         result = root(_Following(compressor, shot, fixed, self))
         unknowns, end, _ = result
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
         _, end, course = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
+        # the last step is taken linearly: its gap is above that of the steps before by their curvature
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)
@@ -112,23 +113,31 @@ class Shooting(eqx.Module):
     def _prepared(self, machine: Compressor) -> "_Fixed":
         """Scales, stops and panels of a machine without derivatives."""
         edges = revolution_edges(kink_angles(machine))
-        known = prepare(machine, edges)
+        parameters = prepare(machine, edges)
         # Constant speed gives the level of torque from which Newton's method starts.
         grid = panels(edges, 8)
         at = instants(machine, grid.angle)
-        speed = jnp.full_like(at.angle, known.scales.speed)
+        speed = jnp.full_like(at.angle, parameters.scales.speed)
         state = CrankState(at.angle, speed, jnp.zeros_like(speed))
-        centred = jnp.zeros((2, len(moving(machine)), *speed.shape)) if moving(machine) else None
+        centred = (
+            jnp.zeros((2, len(orbiting_journals(machine)), *speed.shape))
+            if orbiting_journals(machine)
+            else None
+        )
         loads = loads_at(with_journals(machine, centred), state, at.gas_force, False)
         net = grid.total(loads.total_loss_torque - at.conservative)
         level = jnp.ones(())
         if closure_of(machine.motor).level_is_unknown:
             level = net / grid.total(machine.motor.torque(speed))
         return _Fixed(
-            known.scales.speed, known.scales.energy, level, edges, *self._stops(machine, known)
+            parameters.scales.speed,
+            parameters.scales.energy,
+            level,
+            edges,
+            *self._stops(machine, parameters),
         )
 
-    def _stops(self, machine: Compressor, known: Known):
+    def _stops(self, machine: Compressor, parameters: OrbitParameters):
         """Where steps end, and the edges of the panels on which the result is reported.
 
         Steps end at the known kinks, beside each load reversal, and closing in on near-zero loads.
@@ -138,17 +147,17 @@ class Shooting(eqx.Module):
         that the step control, which watches values only, would step over it. Only the places come from
         the collocation solver; the solution does not.
         """
-        edges = known.edges
+        edges = parameters.edges
         if machine.frictionless or not self.reversals:
             return edges[1:-1], edges
         problem = Collocation(_PLACING, self.reversals).problem(machine)
-        motion, (reversals, _) = problem.solve(known)
+        motion, (reversals, _) = problem.solve(parameters)
         kinks, minima = jnp.split(motion.places, 2)
-        beside = jnp.array([-_BESIDE, _BESIDE])
+        sides = jnp.array([-_BESIDE, _BESIDE])
         closing = 0.1 * 0.15 ** jnp.arange(_CLOSING)
         around = jnp.concatenate([-closing, closing])
         used = reversals.row[:, None] >= 0
-        near_kinks = jnp.where(used[: self.reversals], kinks[:, None] + beside, edges[1])
+        near_kinks = jnp.where(used[: self.reversals], kinks[:, None] + sides, edges[1])
         near_minima = jnp.where(used[self.reversals :], minima[:, None] + around, edges[1])
         stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_minima))])
         inside = (stops > edges[0]) & (stops < edges[-1])
@@ -196,9 +205,9 @@ class Shooting(eqx.Module):
         begin = _at_rest(machine, start, fixed)
         count = self._nodes(fixed).size
         course = jax.tree.map(lambda x: jnp.zeros((count, *x.shape)), _reported(begin))
-        nothing = start, begin, course
-        slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), nothing)
-        carry = (start, _Shot(nothing, slopes, eye), jnp.asarray(jnp.inf), jnp.asarray(0))
+        no_result = start, begin, course
+        slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), no_result)
+        carry = (start, _Shot(no_result, slopes, eye), jnp.asarray(jnp.inf), jnp.asarray(0))
         _, shot, _, steps = lax.while_loop(going_on, advance, carry)
         return lax.stop_gradient(shot), steps
 
@@ -258,8 +267,8 @@ class Shooting(eqx.Module):
         if "journals" in course:
             places = grid.by_panels(jnp.moveaxis(course["journals"], 0, -1))
         machine = with_journals(compressor, places)
-        now, motor = _motion(machine, grid.angle, speed, unknowns, fixed, evidence=True)
-        state = CrankState(grid.angle, speed, now.acceleration)
+        motion, motor = _motion(machine, grid.angle, speed, unknowns, fixed, evidence=True)
+        state = CrankState(grid.angle, speed, motion.acceleration)
         work = jax.tree.map(lambda w: w * fixed.energy, end["work"])
         energy = Energy(work["motor"], work["gas"], work["losses"])
         # Close to self-locking the steps to acceleration and joint forces may be too few.
@@ -268,12 +277,24 @@ class Shooting(eqx.Module):
         stalled = jnp.min(speed) <= 2e-3 * fixed.speed
         status = Status.where(stalled, Status.stalled, status)
         if places is not None:
-            drive = journal_drive(compressor, now.loads.forces, state)
+            drive = journal_drive(compressor, motion.loads.forces, state)
             status = orbit_status(grid.rule, drive, places, status)
-        open_ = jnp.abs(energy.motor_work - energy.gas_work - energy.total_loss)
-        error = {name: lax.stop_gradient(open_) for name in energy.losses}
-        made = grid, now.at, state, motor, now.loads, energy, error, status, report
-        orbit = orbit_on_panels(*made, self.name, by_joint(compressor, places))
+        # which of the losses an open balance belongs to is not known: it may be all of any
+        open_ = lax.stop_gradient(jnp.abs(energy.motor_work - energy.gas_work - energy.total_loss))
+        orbit = orbit_on_panels(
+            grid=grid,
+            at=motion.at,
+            state=state,
+            motor_torque=motor,
+            loads=motion.loads,
+            energy=energy,
+            loss_error=dict.fromkeys(energy.losses, open_),
+            status=status,
+            report=report,
+            solver=self.name,
+            positions=by_joint(compressor, places),
+        )
+        # the integrated time is exact to the tolerance of a step, the quadrature of its nodes is not
         return eqx.tree_at(lambda o: o.mean_speed, orbit, fixed.speed / end["time"])
 
 
@@ -299,7 +320,7 @@ class _Shot(NamedTuple):
 def _at_rest(machine, unknowns, fixed) -> dict[str, Any]:
     """Speed, positions, time and accounts at the beginning of a revolution."""
     y: dict[str, Any] = {"speed": unknowns[0], "time": jnp.zeros(())}
-    if count := len(moving(machine)):
+    if count := len(orbiting_journals(machine)):
         y["journals"] = unknowns[-2 * count :].reshape(2, count)
     args = machine, unknowns, fixed, jnp.zeros_like(fixed.edges)
     return y | {"work": zeros_of(_rate, fixed.edges[0], y, args)["work"]}
@@ -333,10 +354,10 @@ def _rate(place, y, args):
     # A halt is reported by the end values; the floor keeps them finite.
     speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
     places = y.get("journals")
-    now, motor = _motion(with_journals(machine, places), branch, speed, unknowns, fixed)
-    torques = {"motor": motor, "gas": -now.at.conservative, "losses": now.loads.loss_torque}
+    motion, motor = _motion(with_journals(machine, places), branch, speed, unknowns, fixed)
+    torques = {"motor": motor, "gas": -motion.at.conservative, "losses": motion.loads.loss_torque}
     units = fixed.speed, fixed.energy
-    rates = rates_over_angle(machine, now, speed, torques, places, units)
+    rates = rates_over_angle(machine, motion, speed, torques, places, units)
     rates["time"] = rates["time"] / (2 * jnp.pi)
     return jax.tree.map(lambda x: x * stretch, rates)
 
@@ -352,12 +373,12 @@ def _motion(machine, angle, speed, unknowns, fixed: "_Fixed", evidence=False):
     motor = machine.motor.torque(speed) if closure.integrates else jnp.zeros_like(speed)
     if closure.level_is_unknown:
         motor = motor * unknowns[1] * fixed.level
-    now = motion_at(machine, angle, speed, motor, evidence)
+    motion = motion_at(machine, angle, speed, motor, evidence)
     if not closure.integrates:  # the motor gives what keeps its speed
-        at = now.at
-        losses = now.loads.total_loss_torque
+        at = motion.at
+        losses = motion.loads.total_loss_torque
         motor = 0.5 * at.inertia_1 * speed**2 - at.conservative + losses
-    return now, motor
+    return motion, motor
 
 
 def _gap_at(end, unknowns, machine, fixed: _Fixed):

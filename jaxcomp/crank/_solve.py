@@ -96,7 +96,7 @@ def solve_orbit(
     values = frozen(compressor)
     if any(is_traced(leaf) for leaf in jax.tree.leaves(values)):
         # within a program that is traced anyway, one of its own would be traced twice for derivatives
-        orbit = _solved(compressor, solver)
+        orbit = _solve_traced(compressor, solver)
         if throw and orbit.cycle is not None:
             raise_where_unsolved(orbit.cycle, _cycle_options(compressor, solver))
     else:
@@ -133,13 +133,14 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
     """
     with_derivatives = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
     if not isinstance(compressor.gas, Cylinder):
-        orbit = (_solved if with_derivatives else _solve)(compressor, solver)
+        solve_orbit_of = _solve_traced if with_derivatives else _solve_compiled
+        orbit = solve_orbit_of(compressor, solver)
         if throw:
             _raise_if_failed(orbit, solver)
         return orbit
 
     def solve(cycle_options):
-        return _solve(values, dataclasses.replace(solver, cycle=cycle_options))
+        return _solve_compiled(values, dataclasses.replace(solver, cycle=cycle_options))
 
     may_march = not is_piped(compressor.gas)
     orbit, cycle_options = climbed(solve, _cycle_options(values, solver), may_march)
@@ -148,7 +149,7 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
         _raise_if_failed(orbit, solver)
     if not with_derivatives:
         return orbit
-    return _solved(compressor, solver, orbit)
+    return _solve_traced(compressor, solver, orbit)
 
 
 def _cycle_options(compressor: Compressor, solver) -> CycleOptions:
@@ -170,34 +171,34 @@ def _raise_if_failed(orbit: Orbit, solver) -> None:
         return
     if orbit.cycle is not None and not bool(of_each(orbit.cycle).converged.all()):
         raise SolveFailed(status, evidence(orbit.cycle, solver.cycle), orbit)
-    seen = frozen(orbit)
-    crank_is_solved = float(seen.residual) < _JOINT_RESIDUAL
-    if seen.cycle is not None and crank_is_solved and bool(status == Status.not_converged):
+    values = frozen(orbit)
+    crank_is_solved = float(values.residual) < _JOINT_RESIDUAL
+    if values.cycle is not None and crank_is_solved and bool(status == Status.not_converged):
         raise SolveFailed(
             status,
             f"pressure and speed of the crank did not agree within {MAX_ITERATIONS} iterations: the "
-            f"speed fluctuates by {100 * float(seen.speed_fluctuation):.3g} % of its mean; more inertia "
-            "of the crankshaft or a higher speed makes it steadier",
+            f"speed fluctuates by {100 * float(values.speed_fluctuation):.3g} % of its mean; more "
+            "inertia of the crankshaft or a higher speed makes it steadier",
             orbit,
         )
-    worst = seen.weakest_cylinder
+    worst = values.weakest_cylinder
     where = "" if worst is None else f" in cylinder {int(worst)}"
     raise SolveFailed(
         status,
-        f"residual {float(seen.residual):.2g} after {int(seen.iterations)} iterations, "
-        f"joint margin {float(seen.margin):.3g}{where}, energy open by "
-        f"{float(seen.energy.residual):.2g}, losses known to "
-        f"{float(seen.efficiency_error):.2g} of the work",
+        f"residual {float(values.residual):.2g} after {int(values.iterations)} iterations, "
+        f"joint margin {float(values.margin):.3g}{where}, energy open by "
+        f"{float(values.energy.residual):.2g}, losses known to "
+        f"{float(values.efficiency_error):.2g} of the work",
         orbit,
     )
 
 
-def _solved(
-    compressor: Compressor, solver: "Shooting | Collocation", found: Orbit | None = None
+def _solve_traced(
+    compressor: Compressor, solver: "Shooting | Collocation", followed_orbit: Orbit | None = None
 ) -> Orbit:
-    """The orbit of what may be out of bounds, which its status says; see `_orbit`."""
+    """The orbit of what may be out of bounds, which its status says; see `_checked_orbit`."""
     good = admissible(compressor)
-    orbit = _orbit(clipped(compressor), solver, found)
+    orbit = _checked_orbit(clipped(compressor), solver, followed_orbit)
     status = orbit.status
     failed = (status == Status.unresolved) | (status == Status.not_converged)
     failed |= status == Status.stalled  # as losses beyond all bounds look
@@ -208,7 +209,7 @@ def _solved(
     return eqx.tree_at(lambda o: o.status, orbit, status)
 
 
-_solve = kept_jit(_solved)
+_solve_compiled = kept_jit(_solve_traced)
 
 
 @kept_jit
@@ -218,36 +219,38 @@ def _verification(compressor: Compressor, orbit: Orbit, options: "TimeIntegratio
     return verification(orbit.under_gas(clipped(compressor)), orbit, options)
 
 
-def _orbit(
-    compressor: Compressor, solver: "Shooting | Collocation", found: Orbit | None = None
+def _checked_orbit(
+    compressor: Compressor, solver: "Shooting | Collocation", followed_orbit: Orbit | None = None
 ) -> Orbit:
     """The orbit with the checks that hold for every motor and solver.
 
     Args:
         compressor: admissible.
         solver: of the orbit.
-        found: the orbit of a machine with valves, which is not searched for then.
+        followed_orbit: the orbit of a machine with valves, which is not searched for then.
     """
     if isinstance(compressor.gas, Cylinder):
-        orbit = orbit_with_cylinder(compressor, solver, found=found)
+        orbit = orbit_with_cylinder(compressor, solver, followed_orbit=followed_orbit)
     else:
         orbit = solver.solve(compressor)
-    seen: Orbit = lax.stop_gradient(orbit)
+    values: Orbit = lax.stop_gradient(orbit)
     # what everything else is made of, so that a number that nobody asks for is not computed
-    leaves = jax.tree.leaves((seen.state, seen.loads.forces, seen.loads.loss_torque, seen.energy))
+    leaves = jax.tree.leaves(
+        (values.state, values.loads.forces, values.loads.loss_torque, values.energy)
+    )
     finite = jnp.isfinite(sum(jnp.sum(leaf) for leaf in leaves))
-    assert seen.loads.residual is not None
+    assert values.loads.residual is not None
     # the loop of the joints closes with the motion, to the tolerance that was asked for
-    joints = jnp.max(jnp.abs(seen.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
-    coarse = seen.resolution > _COARSE
-    coarse |= ~(jnp.abs(seen.energy.residual) <= _ENERGY_RESIDUAL)
+    joints = jnp.max(jnp.abs(values.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
+    coarse = values.resolution > _COARSE
+    coarse |= ~(jnp.abs(values.energy.residual) <= _ENERGY_RESIDUAL)
     if getattr(solver, "estimate", True):
-        coarse |= ~(seen.efficiency_error <= _LOSS_ERROR)
-        if seen.gas_work_error is not None:
-            size = jnp.abs(seen.energy.gas_work) + seen.energy.total_loss
-            coarse |= seen.gas_work_error > _LOSS_ERROR * size
+        coarse |= ~(values.efficiency_error <= _LOSS_ERROR)
+        if values.gas_work_error is not None:
+            size = jnp.abs(values.energy.gas_work) + values.energy.total_loss
+            coarse |= values.gas_work_error > _LOSS_ERROR * size
     good = orbit.status == Status.converged
-    thin = has_thin_film(compressor, seen)
+    thin = has_thin_film(compressor, values)
     status = Status.where(good & thin, Status.thin_film, orbit.status)
     status = Status.where(good & coarse, Status.unresolved, status)
     status = Status.where(good & ~(finite & joints), Status.not_converged, status)

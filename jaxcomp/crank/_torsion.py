@@ -79,8 +79,8 @@ class TorsionalChain(Part):
     def between(self, values: Float[Array, " s"]) -> Float[Array, "n n"]:
         """The matrix of springs or dampers between neighbours."""
         ends = jnp.concatenate([jnp.zeros(1), values, jnp.zeros(1)])
-        beside = jnp.diag(values, 1)
-        return jnp.diag(ends[1:] + ends[:-1]) - beside - beside.T
+        off_diagonal = jnp.diag(values, 1)
+        return jnp.diag(ends[1:] + ends[:-1]) - off_diagonal - off_diagonal.T
 
     @property
     def natural_frequencies(self) -> Float[Array, " n"]:
@@ -159,16 +159,16 @@ class CrankTrain(Part):
         """
         count = self.springs(compressor)
         throws = throw_inertias(compressor)
-        whole = compressor.crankshaft.inertia
-        assert whole is not None
-        left = whole - jnp.sum(self.inertia)
-        if not is_traced(left) and not bool(left > 0):
+        total = compressor.crankshaft.inertia
+        assert total is not None
+        remainder = total - jnp.sum(self.inertia)
+        if not is_traced(remainder) and not bool(remainder > 0):
             raise BadInput(
-                "torsion.inertia", self.inertia, f"less than the crank's {float(whole):g}"
+                "torsion.inertia", self.inertia, f"less than the crank's {float(total):g}"
             )
-        inertia = jnp.concatenate([self.inertia, left / throws.size + throws])
-        made = TorsionalChain(jnp.ones(count + 1), jnp.ones(count))
-        return replaced(made, inertia=inertia, stiffness=self.stiffness, damping=self.damping)
+        inertia = jnp.concatenate([self.inertia, remainder / throws.size + throws])
+        unit_chain = TorsionalChain(jnp.ones(count + 1), jnp.ones(count))
+        return replaced(unit_chain, inertia=inertia, stiffness=self.stiffness, damping=self.damping)
 
 
 class TrainTorques(Result, eqx.Module):
@@ -215,12 +215,15 @@ class TrainTorques(Result, eqx.Module):
         The mean torque is that of the motor, towards the crank.
         """
         frequencies = np.asarray(self.natural_frequencies)
+        error = {}
+        if self.peak_error is not None:
+            error = {"peak_error": self.peak_error}
         return {
             "natural_frequencies": frequencies,
             "critical_speeds": {str(order): frequencies / order for order in range(1, 9)},
             "mean_torque": -np.asarray(self.mean),
             "peak_torque": self.peak,
-            **({} if self.peak_error is None else {"peak_error": self.peak_error}),
+            **error,
             "largest_order": 1 + np.argmax(np.abs(self.amplitude), axis=1),
         }
 
@@ -255,8 +258,8 @@ def _count_of_harmonics(chain: TorsionalChain, speed: Float[Array, "*n"]) -> int
     # on the host: operations of JAX would each be a program of their own
     order = np.asarray(frequencies)[-1] / np.min(np.asarray(speed))
     # few counts, since each has a program of its own
-    wanted = _STEP * np.ceil(_BEYOND * order / _STEP)
-    return int(min(max(wanted, _FEWEST), _MOST))
+    count = _STEP * np.ceil(_BEYOND * order / _STEP)
+    return int(min(max(count, _FEWEST), _MOST))
 
 
 def _cuts(orbit: Orbit, count: int) -> int:
@@ -268,6 +271,7 @@ def _cuts(orbit: Orbit, count: int) -> int:
 
 @kept_jit
 def _natural_frequencies(chain: TorsionalChain) -> Float[Array, " n"]:
+    # symmetric with the inertias on both sides, so that no eigenvalue is complex by rounding
     root = jnp.sqrt(chain.inertia)
     values = jnp.linalg.eigvalsh(chain.between(chain.stiffness) / root[:, None] / root)
     return jnp.sqrt(jnp.maximum(values, 0.0)).at[0].set(0.0)
@@ -278,11 +282,11 @@ def _spring_torques(
     chain: TorsionalChain, compressor: Compressor, orbit: Orbit, counts: tuple[int, int], cuts: int
 ) -> TrainTorques:
     """Torques by so many harmonics, and the part that more of them would add."""
-    own = throw_torques(compressor, orbit)
+    of_throws = throw_torques(compressor, orbit)
     of_shaft = orbit.loads.total_loss_torque - jnp.sum(_own_losses(compressor, orbit), axis=0)
-    ahead = chain.inertia.size - own.shape[0]
+    ahead = chain.inertia.size - of_throws.shape[0]
     before = jnp.zeros((ahead, orbit.time.size)).at[0].set(orbit.motor_torque)
-    torque = jnp.concatenate([before, own - of_shaft / own.shape[0]])
+    torque = jnp.concatenate([before, of_throws - of_shaft / of_throws.shape[0]])
     duration = orbit.weight / orbit.state.speed
     count, reached = counts
     harmonic, frequency = _harmonics(torque, orbit, reached, cuts)
@@ -310,9 +314,8 @@ def _harmonics(torque: Float[Array, "i n"], orbit: Orbit, count: int, cuts: int)
     through = rule.through(x).T
 
     def finer(row):
-        return (row.reshape(*row.shape[:-1], -1, orbit.panel_nodes) @ through).reshape(
-            *row.shape[:-1], -1
-        )
+        by_panels = row.reshape(*row.shape[:-1], -1, orbit.panel_nodes)
+        return (by_panels @ through).reshape(*row.shape[:-1], -1)
 
     duration = (orbit.panel_width[:, None] * weight).ravel() / finer(orbit.state.speed)
     return time_harmonics(finer(torque), finer(orbit.time), duration, count)
@@ -322,9 +325,9 @@ def _peak(mean: Float[Array, " s"], amplitude: Complex[Array, "s h"]) -> Float[A
     """[N m] Largest size over the revolution, by parabolas through samples and their neighbours."""
     count = amplitude.shape[1]
     samples = 16 * count
-    whole = jnp.zeros((amplitude.shape[0], samples // 2 + 1), complex)
-    whole = whole.at[:, 0].set(mean).at[:, 1 : count + 1].set(amplitude / 2)
-    course = jnp.fft.irfft(whole, samples, axis=1) * samples
+    spectrum = jnp.zeros((amplitude.shape[0], samples // 2 + 1), complex)
+    spectrum = spectrum.at[:, 0].set(mean).at[:, 1 : count + 1].set(amplitude / 2)
+    course = jnp.fft.irfft(spectrum, samples, axis=1) * samples
     before = jnp.roll(course, 1, axis=1)
     after = jnp.roll(course, -1, axis=1)
     bend = jnp.maximum(jnp.abs(2 * course - before - after), 1e-300)
@@ -354,16 +357,18 @@ def train_over_speed(
 
     @eqx.filter_jit
     def all_of(compressor, train, speeds):
-        def one(speed):
+        def torques_at(speed):
             held = at_speed(compressor, speed)
             orbit = solve_orbit(
                 held, Collocation(nodes=12, reversals=0, tolerance=1e-9), throw=False
             )
-            found = train_torques(held, orbit, train, harmonics)
-            good = orbit.converged
-            return jnp.where(good, found.mean[0], jnp.nan), jnp.where(good, found.peak, jnp.nan)
+            torques = train_torques(held, orbit, train, harmonics)
+            mean = jnp.where(orbit.converged, torques.mean[0], jnp.nan)
+            peak = jnp.where(orbit.converged, torques.peak, jnp.nan)
+            return mean, peak
 
-        return lax.map(one, speeds)
+        # one after the other: batches of orbits would take as many iterations as the slowest
+        return lax.map(torques_at, speeds)
 
     return all_of(compressor, train, speeds)
 
@@ -397,10 +402,11 @@ def _own_losses(compressor: Compressor, orbit: Orbit) -> Float[Array, "k n"]:
     crankshaft = compressor.crankshaft
     joints = {} if compressor.friction is None else vars(compressor.friction)
     none = jnp.zeros_like(orbit.state.speed)
-    return jnp.stack([
-        sum((losses.get(crankshaft.joint(name, k), none) for name in joints), none)
-        for k in range(1, crankshaft.count + 1)
-    ])  # fmt: skip
+    rows = []
+    for number in range(1, crankshaft.count + 1):
+        of_joints = (losses.get(crankshaft.joint(name, number), none) for name in joints)
+        rows.append(sum(of_joints, none))
+    return jnp.stack(rows)
 
 
 def _mean_inertia(compressor: Compressor) -> Float[Array, "k 1"]:

@@ -23,7 +23,7 @@ from ..cylinder import Cylinder
 from ..cylinder.interface import values_only
 from ..mechanism import CrankState
 from ._integration import TimeIntegration
-from ._journals import moving
+from ._journals import orbiting_journals
 from ._orbit import Energy
 from ._solve import solve_orbit
 from ._transient_gas import DenseSteps, GasCourse, crank_rates, march_with_gas
@@ -95,9 +95,9 @@ class Transient(Result, eqx.Module):
         time, angle, speed = map(np.asarray, (self.time, self.state.angle, self.state.speed))
         energy = self.energy
         gas = self.gas
-        of_gas = {}
+        gas_readings = {}
         if gas is not None:
-            of_gas = {
+            gas_readings = {
                 "delivered_mass": np.sum(gas.totals.discharge),
                 "highest_pressure": np.max(gas.pressure),
                 "highest_temperature": np.max(gas.temperature),
@@ -114,7 +114,7 @@ class Transient(Result, eqx.Module):
             "losses": {name: work[-1] for name, work in energy.losses.items()},
             "kinetic_energy_gained": self.kinetic_energy[-1] - self.kinetic_energy[0],
             "energy_residual": self.residual[-1],
-            **of_gas,
+            **gas_readings,
             "converged": Status[self.status] == "converged",
             "status": Status[self.status],
             "course": {"time": time, "angle": angle, "speed": speed},
@@ -204,8 +204,8 @@ def simulate(
         compressor = at_rise(compressor, steady.case.suction.T - steady.case.comes.T)
     solve = _simulate_gas if valves else _simulate
     result = solve(compressor, options, until_rest, *start)
-    known = not is_traced(result.status._value)
-    if throw and known and bool(result.status != Status.converged):
+    concrete = not is_traced(result.status._value)
+    if throw and concrete and bool(result.status != Status.converged):
         raise SolveFailed(
             result.status,
             f"reached t = {float(result.end_time):.4g} s after {int(result.steps)} steps",
@@ -224,17 +224,17 @@ def _simulate(
 
     def rate(t, y, args):
         del args
-        rise, torques, others = crank_rates(compressor, y, t < off)
-        now = y["speed"] * speed_scale
-        work = jax.tree.map(lambda torque: torque * now / energy_scale, torques)
-        return {"angle": now, "speed": rise / speed_scale, "work": work, **others}
+        rise, torques, journal_rates = crank_rates(compressor, y, t < off)
+        crank_speed = y["speed"] * speed_scale
+        work = jax.tree.map(lambda torque: torque * crank_speed / energy_scale, torques)
+        return {"angle": crank_speed, "speed": rise / speed_scale, "work": work, **journal_rates}
 
     y0 = {"angle": angle, "speed": speed / speed_scale}
-    journals = moving(compressor)
+    journals = orbiting_journals(compressor)
     if journals:
         y0["journals"] = jnp.zeros((2, len(journals)))
     y0["work"] = zeros_of(rate, jnp.zeros(()), y0, None)["work"]
-    rest = diffrax.Event(lambda t, y, args, **_: y["speed"], root_finder=None, direction=False)
+    stop = diffrax.Event(lambda t, y, args, **_: y["speed"], root_finder=None, direction=False)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
         options.solver,
@@ -248,7 +248,7 @@ def _simulate(
             jump_ts=jnp.minimum(off, 2 * duration)[None],
         ),
         max_steps=options.max_steps,
-        event=rest if until_rest else None,
+        event=stop if until_rest else None,
         adjoint=options.adjoint,
         throw=False,
         progress_meter=(
@@ -304,13 +304,14 @@ def _simulate_gas(
 
 def _positions(compressor: Compressor, ys) -> dict[str, Float[Array, "2 n"]]:
     """[-] Of the journals that move, by joint."""
-    journals = enumerate(moving(compressor))
-    return {one.joint: ys["journals"][..., i].T for i, one in journals}
+    journals = enumerate(orbiting_journals(compressor))
+    return {journal.joint: ys["journals"][..., i].T for i, journal in journals}
 
 
-def _listed(compressor: Compressor, good, motion, reached, scales, **others) -> Transient:
+def _listed(compressor: Compressor, good, motion, reached, scales, **entries) -> Transient:
     """The result from time [s], states and acceleration [rad/s^2] at its instants."""
-    (time, ys, rise), (pace, energy_scale) = motion, scales
+    time, ys, rise = motion
+    pace, energy_scale = scales
     speed = ys["speed"] * pace
     work = jax.tree.map(lambda w: w * energy_scale, ys["work"])
     status = Status.where(reached, Status.converged, Status.not_converged)
@@ -321,7 +322,7 @@ def _listed(compressor: Compressor, good, motion, reached, scales, **others) -> 
         kinetic_energy=0.5 * instants(compressor, ys["angle"]).inertia * speed**2,
         status=Status.where(good, status, Status.bad_input),
         _scales=scales,
-        **others,
+        **entries,
     )
 
 
@@ -333,12 +334,12 @@ def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
     gas = dataclasses.replace(gas, plenum_pressure=None)
     count = gas.pressure.shape[0]
     for number in range(count):
-        one = jax.tree.map(lambda leaf, number=number: leaf[number], gas)
+        in_cylinder = jax.tree.map(lambda leaf, number=number: leaf[number], gas)
         end = f".{number + 1}" if count > 1 else ""
-        yield Data(f"pressure{end}", "Pa", one.pressure, at)
-        yield Data(f"temperature{end}", "K", one.temperature, at)
-        yield Data(f"mass{end}", "kg", one.mass, at)
+        yield Data(f"pressure{end}", "Pa", in_cylinder.pressure, at)
+        yield Data(f"temperature{end}", "K", in_cylinder.temperature, at)
+        yield Data(f"mass{end}", "kg", in_cylinder.mass, at)
         for place, valve in enumerate(("suction", "discharge")):
-            yield Data(f"lift.{valve}_valve{end}", "m", one.lift[place], at)
-            yield Data(f"flow.{valve}_valve{end}", "kg/s", one.flow[place], at)
-        yield Data(f"delivered{end}", "kg", one.totals.discharge, (), "since the start")
+            yield Data(f"lift.{valve}_valve{end}", "m", in_cylinder.lift[place], at)
+            yield Data(f"flow.{valve}_valve{end}", "kg/s", in_cylinder.flow[place], at)
+        yield Data(f"delivered{end}", "kg", in_cylinder.totals.discharge, (), "since the start")

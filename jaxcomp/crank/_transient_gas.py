@@ -43,7 +43,7 @@ from ..cylinder.interface import (
 )
 from ..gas import AbstractGas
 from ..mechanism import CrankState
-from ._journals import journal_drive, moving, with_journals
+from ._journals import journal_drive, orbiting_journals, with_journals
 from ._motion import acceleration
 
 _LONGEST_TRIES = 8  # passes for a step that is kept, on the average, after which to give up
@@ -117,8 +117,8 @@ class CrankAndGas(AbstractLaw):
     energy_scale: Float[Array, ""]  # [J] unit of the works
     off: Float[Array, ""]  # [s] at which the motor is switched off
     until_rest: bool = eqx.field(static=True)  # whether the march ends where the crank stops
-    kept: int = eqx.field(static=True)
-    # angle, speed, gas with plenums, works and journals from the vector of the states that are kept
+    state_size: int = eqx.field(static=True)
+    # angle, speed, gas with plenums, works and journals from the vector of the first states
     unravel: Any = eqx.field(static=True)
 
     @property
@@ -131,38 +131,41 @@ class CrankAndGas(AbstractLaw):
         return self.system.rates(at["angle"], at["gas"], flags[:-2], at["speed"] * self.pace)
 
     def rates(self, angle, state, flags):
-        at = self.unravel(state[: self.kept])
-        found = self.gases(at, flags)
-        rise, torques, others = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
+        at = self.unravel(state[: self.state_size])
+        gas_rates = self.gases(at, flags)
+        rise, torques, journal_rates = _crank(
+            self.compressor, at, gas_rates.pressure, flags[-2] > 0
+        )
         rate = {
             "angle": at["speed"],
             "speed": rise / self.pace**2,
-            "gas": found.state,
+            "gas": gas_rates.state,
             "work": jax.tree.map(lambda m: m * at["speed"] / self.energy_scale, torques),
-            **{name: rates / self.pace for name, rates in others.items()},
+            **{name: rates / self.pace for name, rates in journal_rates.items()},
         }
-        slopes = jnp.concatenate([ravel_pytree(rate)[0], found.accounts.ravel()])
-        rest = at["speed"] if self.until_rest else jnp.ones(())
-        return slopes, jnp.append(found.events, rest), found.force
+        slopes = jnp.concatenate([ravel_pytree(rate)[0], gas_rates.accounts.ravel()])
+        until_stop = at["speed"] if self.until_rest else jnp.ones(())
+        return slopes, jnp.append(gas_rates.events, until_stop), gas_rates.force
 
     def towards(self, state, events):
-        gas = self.unravel(state[: self.kept])["gas"]
+        gas = self.unravel(state[: self.state_size])["gas"]
         return jnp.append(self.system.towards(gas, events[:-1]), True)
 
     def after(self, angle, event, state, flags, force):
-        at = self.unravel(state[: self.kept])
+        at = self.unravel(state[: self.state_size])
         code, new = self.system.after(event, at["gas"], flags[:-2], force)
         jumped = ravel_pytree({**at, "gas": self.system.jump(event, code, at["gas"])})[0]
+        # The instant of the switch is a bound of the march, met to rounding from either side.
         # the step that ends at the switch has the motor on, the next one has it off
         motor_on = angle < self.off * self.pace * (1 - 1e-12)
-        others = jnp.stack([motor_on, event == EVENTS * self.system.count]).astype(int)
-        return code, state.at[: self.kept].set(jumped), jnp.concatenate([new, others])
+        machine_flags = jnp.stack([motor_on, event == EVENTS * self.system.count]).astype(int)
+        return code, state.at[: self.state_size].set(jumped), jnp.concatenate([new, machine_flags])
 
     def passed(self, ends, slopes, width, flags, least):
-        ends, slopes = (
-            [self.unravel(one[: self.kept])["gas"] for one in pair] for pair in (ends, slopes)
-        )
-        return self.system.passed(ends, slopes, width, flags[:-2], least)
+        def of_gas(vectors):
+            return [self.unravel(vector[: self.state_size])["gas"] for vector in vectors]
+
+        return self.system.passed(of_gas(ends), of_gas(slopes), width, flags[:-2], least)
 
     def longest(self, flags):
         return self.system.longest(flags[:-2])
@@ -177,30 +180,34 @@ class CrankAndGas(AbstractLaw):
         system = self.system
         some = self.system.cases.cylinder.plenums
 
-        def one(case, angle, gas):
+        def cylinder_values(case, angle, gas):
             T, rho = temperature_and_density(case, angle, gas)
             scale = jnp.stack([valve_scales(case, which)[0] for which in (0, 1)])
             lift = jnp.maximum(gas[jnp.asarray([2, 5])], 0.0) * scale
             return T, rho * case.volume(angle)[0], lift, case.mass_scale * self.pace
 
-        def instant(given):
-            at, flags = given
-            found = self.gases(at, flags)
-            own, plenums = system.parted(at["gas"])
-            T, mass, lift, scale = system.each(one, system.own_angle(at["angle"]), own)
-            flow = found.accounts[:, 1:3] * scale[:, None]
-            rise, *_ = _crank(self.compressor, at, found.pressure, flags[-2] > 0)
-            pair = chains(system.shared, plenums) if some else ()
-            of_plenums = jnp.stack([gas.p for one in pair for gas in one.gases]) if some else None
-            return (found.pressure, T, mass, lift, flow), of_plenums, rise
+        def instant(state_and_flags):
+            at, flags = state_and_flags
+            gas_rates = self.gases(at, flags)
+            in_cylinders, plenums = system.parted(at["gas"])
+            crank_angle = system.own_angle(at["angle"])
+            T, mass, lift, scale = system.each(cylinder_values, crank_angle, in_cylinders)
+            flow = gas_rates.accounts[:, 1:3] * scale[:, None]
+            rise, *_ = _crank(self.compressor, at, gas_rates.pressure, flags[-2] > 0)
+            of_plenums = None
+            if some:
+                suction, discharge = chains(system.shared, plenums)
+                of_plenums = jnp.stack([gas.p for gas in (*suction.gases, *discharge.gases)])
+            return (gas_rates.pressure, T, mass, lift, flow), of_plenums, rise
 
+        # in parts of 64 instants: all at once would hold every property of the gas of a long run
         values, of_plenums, rise = jax.lax.map(instant, (at, flags), batch_size=64)
-        totals = marched.state[self.kept :].reshape(system.count, -1)
+        totals = marched.state[self.state_size :].reshape(system.count, -1)
         totals = Accounts(*(totals * system.each(account_scales)).T)
-        made = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
+        course = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
         if some:
-            made = dataclasses.replace(made, plenum_pressure=of_plenums.T)
-        return made, rise
+            course = dataclasses.replace(course, plenum_pressure=of_plenums.T)
+        return course, rise
 
 
 def march_with_gas(
@@ -222,7 +229,7 @@ def march_with_gas(
     gas = system.each(_at_suction, system.own_angle(angle)).ravel()
     gas = jnp.concatenate([gas, first_states(system.shared, at_rest=True)])
     first = {"angle": angle, "speed": speed / pace, "gas": gas}
-    if journals := moving(compressor):
+    if journals := orbiting_journals(compressor):
         first["journals"] = jnp.zeros((2, len(journals)))
     first["work"] = zeros_of(_crank, compressor, first, jnp.zeros(system.count), True)[1]
     start, unravel = ravel_pytree(first)
@@ -255,16 +262,16 @@ def crank_rates(compressor: Compressor, at, motor_on):
         Acceleration [rad/s^2], the torques whose works are counted [N m], and the rates [1/s] of what
         moves besides, by its name in `at`.
     """
-    now = at["speed"] * compressor.motor.speed_guess
-    motor = jnp.where(motor_on, compressor.motor.torque(now), 0.0)
-    placed = with_journals(compressor, at.get("journals"))
-    others = {}
-    rise, conservative, loads = acceleration(placed, at["angle"], now, motor)
+    crank_speed = at["speed"] * compressor.motor.speed_guess
+    motor = jnp.where(motor_on, compressor.motor.torque(crank_speed), 0.0)
+    machine = with_journals(compressor, at.get("journals"))
+    journal_rates = {}
+    rise, conservative, loads = acceleration(machine, at["angle"], crank_speed, motor)
     if "journals" in at:
-        state = CrankState(at["angle"], now, rise)
+        state = CrankState(at["angle"], crank_speed, rise)
         drive = journal_drive(compressor, loads.forces, state, in_time=True)
-        others["journals"] = drive.rate(at["journals"])
-    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}, others
+        journal_rates["journals"] = drive.rate(at["journals"])
+    return rise, {"motor": motor, "gas": -conservative, "losses": loads.loss_torque}, journal_rates
 
 
 def _crank(compressor: Compressor, at, pressure, motor_on):
@@ -279,10 +286,13 @@ def _system(compressor: Compressor) -> Cylinders:
     mechanisms = mechanisms_of(compressor)
     speed = compressor.motor.speed_guess
 
-    def one(mechanism):
+    def case_of(mechanism):
         return prepare(gas, mechanism, speed)
 
-    cases = jax.vmap(one)(stacked(mechanisms)) if len(mechanisms) > 1 else one(mechanisms[0])
+    cases = case_of(mechanisms[0])
+    # the law of a single cylinder has no axis of cylinders
+    if len(mechanisms) > 1:
+        cases = jax.vmap(case_of)(stacked(mechanisms))
     return Cylinders(cases, compressor.crankshaft.distinct_phase, in_time=True)
 
 
@@ -290,8 +300,9 @@ def _held(compressor: Compressor, pressure=None) -> Compressor:
     """The compressor with given pressures in its cylinders, (k,); those of the suction line if absent."""
     gas: Any = compressor.gas
     behind = gas.behind_piston
-    value = jnp.full(compressor.crankshaft.count, behind) if pressure is None else pressure
-    return replaced(compressor, gas=HeldPressure(value, behind))
+    if pressure is None:
+        pressure = jnp.full(compressor.crankshaft.count, behind)
+    return replaced(compressor, gas=HeldPressure(pressure, behind))
 
 
 def _at_suction(case: Case, angle) -> Float[Array, " 8"]:
@@ -303,6 +314,6 @@ def _at_suction(case: Case, angle) -> Float[Array, " 8"]:
 def _first_flags(case: Case) -> Int[Array, " 6"]:
     """Valves shut, and no difference of pressure at the suction valve."""
     high = jnp.where(case.suction.p > case.discharge.p, 1, -1)
-    one = jnp.ones((), int)
-    none = jnp.zeros((), int)
-    return jnp.stack([none, one, one, none, one, high])
+    plus = jnp.ones((), int)
+    zero = jnp.zeros((), int)
+    return jnp.stack([zero, plus, plus, zero, plus, high])

@@ -20,7 +20,7 @@ from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles
 from ..friction.interface import magnitude
 from ._integration import TimeIntegration, inside_panels, rates_over_angle
-from ._journals import moving, with_journals
+from ._journals import orbiting_journals, with_journals
 from ._motion import Instantaneous, closure_of, motion_at
 from ._orbit import Energy, Orbit, Verification
 
@@ -46,22 +46,22 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     compressor, orbit = lax.stop_gradient((compressor, orbit))
     law = _Law(compressor, orbit.state.speed[0], orbit.motor_torque[0])
     first = orbit.state.angle[0]
-    last = first + 2 * jnp.pi
+    end_angle = first + 2 * jnp.pi
     # kinks of other cylinders may lie between the first dead centre and the first node
     kinks = first + jnp.mod(kink_angles(compressor) - first, 2 * jnp.pi)
-    edges = jnp.concatenate([first[None], jnp.sort(kinks), last[None]])
+    edges = jnp.concatenate([first[None], jnp.sort(kinks), end_angle[None]])
     share = jnp.linspace(0.0, 1.0, max(2, options.samples // (edges.size - 1)))
     fine = edges[:-1, None] + jnp.diff(edges)[:, None] * share
-    nodes = jnp.append(orbit.state.angle[1:], last)
-    names = [one.joint for one in moving(compressor)]
-    found_places = None
+    nodes = jnp.append(orbit.state.angle[1:], end_angle)
+    names = [journal.joint for journal in orbiting_journals(compressor)]
+    orbit_places = None
     if orbit.positions is not None:
-        found_places = jnp.stack([orbit.positions[name] for name in names], axis=1)
-    start = None if found_places is None else found_places[..., 0]
+        orbit_places = jnp.stack([orbit.positions[name] for name in names], axis=1)
+    start = None if orbit_places is None else orbit_places[..., 0]
     end, saved, result = _march(law, edges, (nodes, fine.ravel()), options, start)
     (at_nodes, places), (at_fine, fine_places) = saved
 
-    found = jnp.append(orbit.state.speed[1:], orbit.state.speed[0])
+    orbit_speed = jnp.append(orbit.state.speed[1:], orbit.state.speed[0])
     angle, _ = inside_panels(edges, fine.ravel())
     forces = law(angle, at_fine, fine_places).loads.forces
     peaks = {name: jnp.max(magnitude(*force)) for name, force in forces.items()}
@@ -70,17 +70,18 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     # what the motor gives beyond gas and losses goes into the speed, whose gap is reported by itself
     energy = Energy(gas + sum(losses.values(), start=jnp.zeros(())), gas, losses)
     mean = orbit.mean_speed
+    position_error = None
+    if orbit_places is not None:
+        position_error = jnp.max(jnp.abs(places - jnp.roll(orbit_places, -1, axis=-1)))
     return Verification(
-        speed_error=jnp.max(jnp.abs(at_nodes - found)) / mean,
-        closure=(at_nodes[-1] - found[-1]) / mean,
+        speed_error=jnp.max(jnp.abs(at_nodes - orbit_speed)) / mean,
+        closure=(at_nodes[-1] - orbit_speed[-1]) / mean,
         period_error=end["time"] / orbit.period - 1,
         efficiency_error=energy.mechanical_efficiency - orbit.mechanical_efficiency,
         loss_error=jax.tree.map(lambda a, b: a - b, energy.losses, orbit.energy.losses),
         gas_work_error=gas - orbit.energy.gas_work,
         peak_error={name: peak - orbit.peak_forces[name] for name, peak in peaks.items()},
-        position_error=None
-        if found_places is None
-        else jnp.max(jnp.abs(places - jnp.roll(found_places, -1, axis=-1))),
+        position_error=position_error,
         steps=result.stats["num_steps"],
         status=Status.where(
             result.result == diffrax.RESULTS.successful, Status.converged, Status.not_converged
@@ -129,20 +130,20 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
         speed = jnp.maximum(y["speed"], 1e-6) * scale
         angle = inside_panels(edges, angle)[0]
         places = y.get("journals")
-        now = law(angle, speed, places)
-        torques = {"gas": -now.at.conservative, "losses": now.loads.loss_torque}
-        return rates_over_angle(law.compressor, now, speed, torques, places, (scale, energy))
+        motion = law(angle, speed, places)
+        torques = {"gas": -motion.at.conservative, "losses": motion.loads.loss_torque}
+        return rates_over_angle(law.compressor, motion, speed, torques, places, (scale, energy))
 
     begin: dict[str, Any] = {"speed": jnp.ones_like(scale), "time": jnp.zeros(())}
     if journals is not None:
         begin["journals"] = journals
     start = begin | {"work": zeros_of(rate, edges[0], begin, None)["work"]}
 
-    def kept(t, y, args):
+    def speed_and_journals(t, y, args):
         del t, args
         return y["speed"], y.get("journals")
 
-    rows = [diffrax.SubSaveAt(ts=one, fn=kept) for one in angles]
+    rows = [diffrax.SubSaveAt(ts=row, fn=speed_and_journals) for row in angles]
     result = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
         options.solver,
@@ -159,12 +160,12 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
         throw=False,
     )
     assert result.ys is not None
-    end, *rows_kept = result.ys
+    end, *at_rows = result.ys
     end = jax.tree.map(lambda x: x[-1], end)
     end["time"] = end["time"] / scale
     end["work"] = jax.tree.map(lambda w: w * energy, end["work"])
     saved = [
         (speed * scale, None if places is None else jnp.moveaxis(places, 0, -1))
-        for speed, places in rows_kept
+        for speed, places in at_rows
     ]
     return end, saved, result

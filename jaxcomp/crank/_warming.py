@@ -53,12 +53,12 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     cycle = orbit.cycle
     if law is None or cycle is None:
         return None
-    here = at_rise(compressor, rise)
-    gas = here.gas
+    machine = at_rise(compressor, rise)
+    gas = machine.gas
     assert isinstance(gas, Cylinder)
     comes = cycle.case.comes
     flow = flow_of_gas(cycle)
-    loss = electric_power(here, orbit) - orbit.gas_power
+    loss = electric_power(machine, orbit) - orbit.gas_power
     compressed = compressed_as_it_comes(cycle)
     heat = law.heat(comes, compressed.T, flow, loss, returned_heat(cycle))
     heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)

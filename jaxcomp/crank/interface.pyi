@@ -6,7 +6,7 @@ from ._integration import MOST_STEPS as MOST_STEPS
 from ._journal_orbit import JournalOrbit as JournalOrbit
 from ._journal_orbit import journal_orbit as journal_orbit
 from ._journal_orbit import moved_films as moved_films
-from ._journals import moving as moving
+from ._journals import orbiting_journals as orbiting_journals
 from ._journals import with_journals as with_journals
 from ._motion import acceleration as acceleration
 from ._orbit import Verification as Verification

@@ -283,7 +283,7 @@ def moving_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
     return {name: law for name, law in journals.items() if law.moves}
 
 
-def placed(
+def with_journal_positions(
     friction: Any,
     support: Any,
     positions: dict[str, Float[Array, "2 *n"]],

@@ -12,7 +12,7 @@ from .._core.each import of_cylinder
 from .._core.polynomials import cubics
 from ..compressor import Compressor, cylinder_pressure, kink_angles
 from ..crank import Orbit
-from ..crank.interface import acceleration, moving, with_journals
+from ..crank.interface import acceleration, orbiting_journals, with_journals
 from ..friction import JointLoads
 from ..mechanism import CrankState
 
@@ -56,7 +56,7 @@ def fine_turn(
     journals = None
     if orbit.positions is not None:
         places = jnp.stack(
-            [orbit.positions[journal.joint] for journal in moving(compressor)], axis=1
+            [orbit.positions[journal.joint] for journal in orbiting_journals(compressor)], axis=1
         )
         at = partial(jnp.interp, angle, nodes, period=2 * jnp.pi)
         flat = jax.vmap(lambda row: at(row))(places.reshape(-1, nodes.size))

@@ -26,7 +26,7 @@ from ..._core.roots import FixedPointReport
 from ..._core.status import Status
 from ...compressor import Compressor, instants, kink_angles, loads_at
 from ...crank import Collocation, Energy, Orbit, Shooting
-from ...crank.interface import acceleration, moving, orbit_on_panels, panels
+from ...crank.interface import acceleration, orbit_on_panels, orbiting_journals, panels
 from ...cylinder import CycleOptions, Cylinder
 from ...machine import Machine
 from ...mechanism import CrankState
@@ -93,7 +93,7 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         thorough: all methods, the implicit ones among them.
     """
     machine = question.crank
-    moves = bool(moving(machine))
+    moves = bool(orbiting_journals(machine))
     settings: list[Setting] = []
     for located, counts in (_NODES if thorough else _ORDINARY_NODES).items():
         method = "collocation" if located else "collocation, reversals=0"
@@ -154,7 +154,7 @@ def other_method(question: Question) -> tuple[Collocation | Shooting, float, str
     places. An implicit march of the crank with its journals agrees with collocation to 1e-6 of the loss
     (tests of journal orbits).
     """
-    if moving(question.crank):
+    if orbiting_journals(question.crank):
         solver = Collocation(nodes=OTHER_NODES, reversals=question.load_reversals, grading=6)
         return solver, FINE_TOLERANCE, f"collocation, {OTHER_NODES} nodes, graded twice as far"
     return shooting(question), TIGHT_TOLERANCE, METHODS[1]
