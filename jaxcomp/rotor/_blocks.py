@@ -46,25 +46,29 @@ def inverse(s):
 
 def product(s, n):
     """S N with S symmetric."""
-    (a, b, d), (p, q, r, t) = s, n
+    a, b, d = s
+    p, q, r, t = n
     return a * p + b * r, a * q + b * t, b * p + d * r, b * q + d * t
 
 
 def product_t(m, n):
     """M^T N."""
-    (a, b, c, d), (p, q, r, t) = m, n
+    a, b, c, d = m
+    p, q, r, t = n
     return a * p + c * r, a * q + c * t, b * p + d * r, b * q + d * t
 
 
 def times(m, x):
     """M x."""
-    (a, b, c, d), (u, v) = m, x
+    a, b, c, d = m
+    u, v = x
     return a * u + b * v, c * u + d * v
 
 
 def times_t(m, x):
     """M^T x."""
-    (a, b, c, d), (u, v) = m, x
+    a, b, c, d = m
+    u, v = x
     return a * u + c * v, b * u + d * v
 
 

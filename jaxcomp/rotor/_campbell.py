@@ -152,43 +152,73 @@ def critical_speeds_between(
     if diagram is None:
         diagram = campbell(model, spin_speeds, count, damping=damping)
     modes = _by_frequency(diagram)
-    speed, gap = np.asarray(spin_speeds), np.asarray(modes.frequency)
-    gap = gap - order * speed[:, None]
+    speed = np.asarray(spin_speeds)
+    gap = np.asarray(modes.frequency) - order * speed[:, None]
     # A gap of zero counts where the interval ends, so once, and at the very first speed, unless the
     # rotor stands still there. Modes that the model lacks at a speed are NaN, which compares as
     # false: they cross nothing.
     crosses = (gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0)
     crosses[0] |= (gap[0] == 0) & (gap[1] != 0) & (speed[0] > 0)
-    at, mode = np.nonzero(crosses)
-    if not at.size:
+    interval, mode = np.nonzero(crosses)
+    if not interval.size:
         return CriticalSpeeds(*(jnp.zeros(0),) * 3)
-    near, begin, growth = [], speed[at], np.zeros(at.size)
-    low, high, below, above = speed[at], speed[at + 1], gap[at, mode], gap[at + 1, mode]
-    one = lambda w: _by_frequency(damped_modes(model, w, count, damping=damping))  # noqa: E731
-    for _ in range(3):  # regula falsi, so that close neighbours are told apart
-        begin = low + below / (below - above) * (high - low)
-        near = [one(w) for w in begin]
-        value = np.array([complex(m.eigenvalue[i]) for m, i in zip(near, mode, strict=True)])
-        here, growth = np.imag(value) - order * begin, np.real(value)
-        same = here * below > 0
-        low, below = np.where(same, begin, low), np.where(same, here, below)
-        high, above = np.where(same, high, begin), np.where(same, above, here)
-        above = np.where(below == above, below - 1.0, above)  # both zero: it is found
-    active = layout_of(model).active
-    shape = np.stack([np.asarray(m.shape)[i][active] for m, i in zip(near, mode, strict=True)])
-    found = _from_starts(model, jnp.asarray(begin), jnp.asarray(growth), shape, order, damping)
+
+    def modes_at(spin):
+        return _by_frequency(damped_modes(model, spin, count, damping=damping))
+
+    start, growth, shapes = _by_regula_falsi(modes_at, speed, gap, interval, mode, order)
+    shape = shapes[:, layout_of(model).active]
+    roots = _from_starts(model, jnp.asarray(start), jnp.asarray(growth), shape, order, damping)
     # Where a mode begins to oscillate the numbers shift, which looks like a crossing: its start
     # leads to another crossing, or nowhere.
-    w, growth = np.asarray(found.speed), np.asarray(found.growth)
+    w = np.asarray(roots.speed)
+    growth = np.asarray(roots.growth)
+    close = np.abs(w - start) <= np.max(np.diff(speed))
     # |a| = n W is the damping ratio of 0.707.
-    near, peaks = np.abs(w - begin) <= np.max(np.diff(speed)), -growth < order * w
-    value, kept = w + 1j * growth, []
-    for i in np.flatnonzero(np.isfinite(w) & near & peaks):
+    peaks = -growth < order * w
+    value = w + 1j * growth
+    distinct = []
+    for i in np.flatnonzero(np.isfinite(w) & close & peaks):
         # Two starts on one root agree to the 1e-8 at which Newton's method counts as converged.
-        if np.all(np.abs(value[i] - value[kept]) > 1e-7 * w[i]):
-            kept.append(i)
-    kept.sort(key=lambda i: w[i])
-    return jax.tree.map(lambda a: a[np.array(kept, int)], found)
+        if np.all(np.abs(value[i] - value[distinct]) > 1e-7 * w[i]):
+            distinct.append(i)
+    distinct.sort(key=lambda i: w[i])
+    return jax.tree.map(lambda a: a[np.array(distinct, int)], roots)
+
+
+def _by_regula_falsi(modes_at, speed, gap, interval, mode, order):
+    """Speeds of crossings, closer than the diagram has them, with growths and shapes of the modes there.
+
+    A step or two of it tell close neighbours apart, on which Newton's method would meet one root.
+
+    Args:
+        modes_at: modes in the order of their frequency at a spin speed.
+        speed: [rad/s] (speeds,) of the diagram.
+        gap: [rad/s] (speeds, modes) frequencies less those of the line.
+        interval, mode: (m,) number of the lower speed and of the mode of each crossing.
+        order: of the line.
+    """
+    low = speed[interval]
+    high = speed[interval + 1]
+    below = gap[interval, mode]
+    above = gap[interval + 1, mode]
+    start = low
+    value = np.zeros(low.shape, complex)
+    crossing = []
+    for _ in range(3):
+        start = low + below / (below - above) * (high - low)
+        crossing = list(zip(map(modes_at, start), mode, strict=True))
+        value = np.array([complex(modes.eigenvalue[number]) for modes, number in crossing])
+        gap_there = np.imag(value) - order * start
+        # the end of the interval moves whose gap has the same sign
+        same = gap_there * below > 0
+        low = np.where(same, start, low)
+        below = np.where(same, gap_there, below)
+        high = np.where(same, high, start)
+        above = np.where(same, above, gap_there)
+        above = np.where(below == above, below - 1.0, above)  # both zero: it is found
+    shapes = [np.asarray(modes.shape)[number] for modes, number in crossing]
+    return start, np.real(value), np.stack(shapes)
 
 
 def _by_frequency(modes: DampedModes) -> DampedModes:
@@ -206,37 +236,37 @@ def _by_frequency(modes: DampedModes) -> DampedModes:
 def _critical(model, count, order, damping, near):
     system = prepare(model)
     start = jax.lax.stop_gradient(_synchronous(system, count, order, near))
-    still = jnp.zeros_like(start[0])
-    found = _from_starts(system, start[0], still, start[1].T, order, damping)
-    first = jnp.argsort(found.speed)
-    found = jax.tree.map(lambda a: a[first], found)
-    speed, growth = (marked(system, one) for one in (found.speed, found.growth))
-    return CriticalSpeeds(speed, growth, found.residual)
+    no_growth = jnp.zeros_like(start[0])
+    roots = _from_starts(system, start[0], no_growth, start[1].T, order, damping)
+    first = jnp.argsort(roots.speed)
+    roots = jax.tree.map(lambda a: a[first], roots)
+    speed, growth = (marked(system, values) for values in (roots.speed, roots.growth))
+    return CriticalSpeeds(speed, growth, roots.residual)
 
 
 @kept_jit
 def _from_starts(system, begin, begin_growth, shapes, order, damping):
     """Newton steps from speeds, growths and vectors (m, active)."""
-    numbers, rest = eqx.partition(system, eqx.is_inexact_array)
+    numbers, constants = eqx.partition(system, eqx.is_inexact_array)
     frozen = jax.lax.stop_gradient(numbers)
     b = jnp.asarray(np.random.default_rng(1).normal(size=shapes.shape[1])) + 0j
 
     def product(numbers, growth, spin, x, transpose=False):
-        whole = eqx.combine(numbers, rest)
-        return _stiffness_times(whole, growth, spin, x, order, damping, transpose)
+        system = eqx.combine(numbers, constants)
+        return _stiffness_times(system, growth, spin, x, order, damping, transpose)
 
     def vectors(growth, spin, x, y):
         # A trace off the root, so that P can be factorised even where the speed is exact.
         spin = spin * (1 + 1e-13)
-        full, d = system_matrices(eqx.combine(frozen, rest), spin, damping=damping)
+        full, d = system_matrices(eqx.combine(frozen, constants), spin, damping=damping)
         lam = growth + 1j * order * spin
         lu = lu_factor(lam**2 * full.mass + lam * d + full.stiffness)
 
         def solved(b, transpose):
             # The product has digits of soft springs that the matrix has lost beside stiff shafts.
             x = lu_solve(lu, b[:, None], transpose)[:, 0]
-            rest = b - product(frozen, growth, spin, x, transpose)
-            x = x + lu_solve(lu, rest[:, None], transpose)[:, 0]
+            residual = b - product(frozen, growth, spin, x, transpose)
+            x = x + lu_solve(lu, residual[:, None], transpose)[:, 0]
             return x / jnp.linalg.norm(x)
 
         return solved(x, False), solved(y, True)
@@ -254,7 +284,7 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         dw = -(a.real * value.imag - a.imag * value.real) / det
         return growth + da, spin + dw
 
-    def one(spin, growth, x):
+    def root(spin, growth, x):
         def step(state, _):
             growth, spin, x, y = state
             x, y = vectors(growth, spin, x, y)
@@ -268,11 +298,13 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         state = jax.lax.stop_gradient((growth, spin, x, y))
         growth, spin = newton(numbers, *state)
         # Newton's method doubles the digits: after a change of 1e-8 only rounding is left.
-        found = (change[-1] < 1e-8) & (spin > 0)
-        return jnp.where(found, spin, jnp.nan), jnp.where(found, growth, jnp.nan), change[-1]
+        converged = (change[-1] < 1e-8) & (spin > 0)
+        spin = jnp.where(converged, spin, jnp.nan)
+        growth = jnp.where(converged, growth, jnp.nan)
+        return spin, growth, change[-1]
 
     starts = (begin, begin_growth, jnp.asarray(shapes) / jnp.linalg.norm(shapes, axis=1)[:, None])
-    return CriticalSpeeds(*jax.lax.map(lambda a: one(*a), starts))
+    return CriticalSpeeds(*jax.lax.map(lambda a: root(*a), starts))
 
 
 def _stiffness_times(system, growth, spin, x, order, damping, transpose):
@@ -301,14 +333,14 @@ def _synchronous(system, count, order, near):
     x = x / jnp.linalg.norm(x, axis=0)
     # Again within their span, with the strain energy element by element: motions on soft springs,
     # which the assembled matrix mixes, come apart.
-    still = operator_at(system, near, jnp.zeros(()))
-    energy = jax.vmap(lambda x: on_active(system, x, lambda x: apply(still, x)), -1, -1)(x)
+    static = operator_at(system, near, jnp.zeros(()))
+    energy = jax.vmap(lambda x: on_active(system, x, lambda x: apply(static, x)), -1, -1)(x)
     energy = x.conj().T @ energy
     inner, v = definite_pencil((energy + energy.conj().T) / 2, x.conj().T @ h @ x)
+    # where that energy is not positive definite, the vectors of before have to do
     good = jnp.all(jnp.isfinite(v)) & jnp.all(jnp.isfinite(inner))
-    mu, x = (
-        jnp.select([good], [new], old) for new, old in ((inner[::-1], mu), (x @ v[:, ::-1], x))
-    )
+    mu = jnp.select([good], [inner[::-1]], mu)
+    x = jnp.select([good], [x @ v[:, ::-1]], x)
     speed = 1 / jnp.sqrt(jnp.where(mu > 0, mu, jnp.nan))
     return speed, x / jnp.linalg.norm(x, axis=0)
 

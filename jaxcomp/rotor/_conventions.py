@@ -66,8 +66,10 @@ def plane_numbers(dof: int) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         Numbers and signs, both (planes, 2); planes is 2 or 3.
     """
-    names = [("ux", "thy"), ("uy", "thx")] + ([("uz", "thz")] if dof == 6 else [])
-    numbers = np.array([[AXES[dof].index(a) for a in plane] for plane in names])
+    planes = [("ux", "thy"), ("uy", "thx")]
+    if dof == 6:
+        planes.append(("uz", "thz"))
+    numbers = np.array([list(map(AXES[dof].index, plane)) for plane in planes])
     signs = np.ones(numbers.shape)
     signs[1, 1] = -1.0
     return numbers, signs

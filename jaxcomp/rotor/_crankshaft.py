@@ -10,6 +10,7 @@ $$\sum U (\cos\delta, \sin\delta), \qquad \sum U z (\cos\delta, \sin\delta) .$$
 
 import dataclasses
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import equinox as eqx
@@ -59,7 +60,7 @@ def crankshaft_of(
     _check_free(described)
     inertia, mass, unbalance, couple = _of_shaft(rotor, unbalances, pins[0])
     along = axial_positions(rotor, pins[0])
-    made = replaced(
+    crankshaft = replaced(
         described,
         inertia=inertia,
         mass=mass,
@@ -67,14 +68,14 @@ def crankshaft_of(
         shaft_couple=couple,
         places=jnp.stack([along[node] for node in pins]),
     )
-    support = made.main_journal
+    support = crankshaft.main_journal
     if not isinstance(support, MainBearings):
-        return made
+        return crankshaft
     stand = bearing_positions(rotor, pins[0])
     if support.position is not None:
         if set(support.names or ()) <= set(stand):
             raise BadInput("crankshaft.main_journal.position", support.position, _FOLLOWS)
-        return made
+        return crankshaft
     for name in support.names or ():
         if len(support.bearings) > 1 and name not in stand:
             bound = one_of(name, stand) + ", the bearings of the rotor's links"
@@ -83,23 +84,23 @@ def crankshaft_of(
     support = replaced(support, position=jnp.stack(places))
     if support.shaft == "rotor" and len(support.bearings) > 2:
         support = shaft_bearings(rotor, support, pins[0])
-    return rebuilt(made, main_journal=support)
+    return rebuilt(crankshaft, main_journal=support)
 
 
 def _check_free(described: Crankshaft) -> None:
     """That nothing is given that follows from the rotor."""
     for name in OF_ROTOR:
         value = getattr(described, name)
-        if value is not None and (name == "inertia" or _given(value)):
+        if value is not None and (name == "inertia" or _is_set(value)):
             raise BadInput(f"crankshaft.{name}", value, _FOLLOWS)
     for number, throw in enumerate(described.throws):
         for name in ("position", "rod_pitch", "unbalance"):
-            if _given(getattr(throw, name)):
+            if _is_set(getattr(throw, name)):
                 where = f"crankshaft.throws.{number}.{name}"
                 raise BadInput(where, getattr(throw, name), _FOLLOWS)
 
 
-def _given(value) -> bool:
+def _is_set(value) -> bool:
     return not is_traced(value) and bool(np.any(np.asarray(value) != 0))
 
 
@@ -110,19 +111,26 @@ def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     # Tables may hold elements of the crankcase beside those of the shaft: only what is joined to
     # the pin turns with the crank.
     inertia = mass = jnp.zeros(())
+
+    def turns(nodes):
+        return jnp.array([node in place for node in nodes], float)
+
     for shaft in rotor.shafts:
-        own = jnp.array([a in place for a, _ in shaft.pairs], float)
-        mass = mass + own @ shaft_mass(shaft)
-        inertia = inertia + own @ shaft_polar_inertia(shaft)
+        turning = turns(first for first, _ in shaft.pairs)
+        mass = mass + turning @ shaft_mass(shaft)
+        inertia = inertia + turning @ shaft_polar_inertia(shaft)
     for table in (*rotor.disks, *rotor.masses):
-        own = jnp.array([node in place for node in table.nodes], float)
-        mass = mass + own @ table.mass
-        inertia = inertia + own @ getattr(table, "polar_inertia", jnp.zeros_like(own))
+        turning = turns(table.nodes)
+        mass = mass + turning @ table.mass
+        # point masses have no inertia about the axis
+        inertia = inertia + turning @ getattr(table, "polar_inertia", jnp.zeros_like(turning))
     unbalance = couple = jnp.zeros(2)
     for table in unbalances:
-        own = jnp.array([node in place for node in table.nodes], float)
+        turning = turns(table.nodes)
         z = jnp.stack([jnp.asarray(place.get(node, 0.0), float) for node in table.nodes])
-        vectors = own * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
+        vectors = (
+            turning * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
+        )
         unbalance = unbalance + vectors.sum(-1)
         couple = couple + vectors @ z
     return inertia, mass, unbalance, couple
@@ -144,16 +152,16 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
                 steps[b].append((a, -length[number]))
     if not any(steps.values()):
         raise BadInput("pin", origin, "a node of the shaft")
-    found: dict[Node, Any] = {origin: np.zeros(())}
+    positions: dict[Node, Any] = {origin: np.zeros(())}
     waiting = [origin]
     while waiting:
-        here = waiting.pop(0)
-        for there, step in steps[here]:
+        reached = waiting.pop(0)
+        for neighbour, step in steps[reached]:
             # Parallel elements have one length, so that any way to a node will do.
-            if there not in found:
-                found[there] = found[here] + step
-                waiting.append(there)
-    return found
+            if neighbour not in positions:
+                positions[neighbour] = positions[reached] + step
+                waiting.append(neighbour)
+    return positions
 
 
 def main_films(rotor: RotorModel, pin: Node) -> list[tuple[int, Float[Array, ""]]]:
@@ -172,12 +180,12 @@ def _film_nodes(rotor: RotorModel, place) -> Iterator[tuple[int, Any]]:
 
 def bearing_positions(rotor: RotorModel, pin: Node) -> dict[str, Float[Array, ""]]:
     """[m] z from the plane of the rod, by name, of the bearings that carry the shaft."""
-    found = {}
+    positions = {}
     for number, z in main_films(rotor, pin):
         bearing = getattr(rotor.links[number].law, "bearing", None)
         if isinstance(bearing, NamedBearing):
-            found[bearing.name] = z
-    return found
+            positions[bearing.name] = z
+    return positions
 
 
 @kept_jit
@@ -196,12 +204,14 @@ def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> Shaft
         BadInput: shaft elements that share a section with those of other shafts.
     """
     place = axial_positions(rotor, pin)
-    shafts = tuple(
-        s for s in rotor.shafts if any(node in place for pair in s.pairs for node in pair)
-    )
-    for shaft in shafts:
-        if not all(node in place for pair in shaft.pairs for node in pair):
+    shafts = []
+    for shaft in rotor.shafts:
+        on_shaft = [node in place for node in chain.from_iterable(shaft.pairs)]
+        if not any(on_shaft):
+            continue
+        if not all(on_shaft):
             raise BadInput("rotor.shafts", str(shaft.pairs), "of one shaft each")
+        shafts.append(shaft)
     laws: Any = [link.law for link in rotor.links]
     nodes = {laws[number].bearing.name: node for number, node in _film_nodes(rotor, place)}
     held = [nodes[name] for name in support.names or ()]
@@ -210,23 +220,24 @@ def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> Shaft
         Link((node, None), replaced(Mount(jnp.ones(2), jnp.zeros(2)), stiffness=jnp.full(2, k)))
         for node, k in zip(held, support.stiffness, strict=True)
     )
-    model = RotorModel(shafts, dof=4, links=links)
+    model = RotorModel(tuple(shafts), dof=4, links=links)
     names = node_names(model)
     along = jnp.stack([place[name] for name in names])
     force = jnp.stack([nodal_load(model, node, "ux") for node in held])
-    lateral, turned = (
-        jnp.stack([nodal_load(model, node, axis) for node in names]) for axis in ("ux", "thy")
-    )
-    still = jnp.zeros(())
+    lateral = jnp.stack([nodal_load(model, node, "ux") for node in names])
+    angular = jnp.stack([nodal_load(model, node, "thy") for node in names])
+    zero = jnp.zeros(())
     # At frequency zero nothing but stiffness is left of the model.
-    deflections = (receptance(model, force, out, still, still).real for out in (lateral, turned))
-    values, slopes = (support.stiffness[:, None] * found.T for found in deflections)
+    deflection = receptance(model, force, lateral, zero, zero).real
+    slope = receptance(model, force, angular, zero, zero).real
+    values = support.stiffness[:, None] * deflection.T
+    slopes = support.stiffness[:, None] * slope.T
     order = jnp.argsort(along)
-    given = {f.name: getattr(support, f.name) for f in dataclasses.fields(support)}
-    made = ShaftBearings(**given)
+    fields = {f.name: getattr(support, f.name) for f in dataclasses.fields(support)}
+    bearings = ShaftBearings(**fields)
     return eqx.tree_at(
         lambda b: (b.places, b.values, b.slopes),
-        made,
+        bearings,
         (along[order], values[:, order], slopes[:, order]),
         is_leaf=lambda leaf: leaf is None,
     )

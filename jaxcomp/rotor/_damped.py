@@ -170,19 +170,20 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     lam = values[:count]
     x = vectors[:, :count]
     lam_new = _newton(p, frozen, lam, x)
-    x_new = _vectors(*p, lam_new, lam, x)
+    x_new = _refined_vectors(*p, lam_new, lam, x)
     (growth,) = _newton(p, frozen, *worst).real
     layout = system.layout
     shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)
-    ux, uy = shape[..., 0], shape[..., 1]
+    ux = shape[..., 0]
+    uy = shape[..., 1]
     # u_x + i u_y is forward whirl, u_x - i u_y backward whirl, see `_conventions`.
-    forward, back = (jnp.sum(jnp.abs(ux + s * 1j * uy) ** 2, -1) for s in (1, -1))
+    forward = jnp.sum(jnp.abs(ux + 1j * uy) ** 2, -1)
+    back = jnp.sum(jnp.abs(ux - 1j * uy) ** 2, -1)
     # An axial or torsional motion has no lateral part but rounding, and no whirl.
     lateral = forward + back
-    whole = jnp.sum(jnp.abs(shape) ** 2, (-2, -1))
-    moves = ~(
-        lateral <= _ROUNDING**2 * whole
-    )  # of a mode that is missing: not a number, as all of it
+    all_coordinates = jnp.sum(jnp.abs(shape) ** 2, (-2, -1))
+    # not `>`: a mode that is missing is not a number, and its whirl is none either
+    moves = ~(lateral <= _ROUNDING**2 * all_coordinates)
     whirl = jnp.where(moves, (forward - back) / jnp.where(moves, lateral, 1.0), 0.0)
     return DampedModes(marked(system, lam_new), shape, whirl, marked(system, growth))
 
@@ -202,7 +203,8 @@ def _spectrum(m, d, k):
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
     m, d, k = (weight[:, None] * a * weight for a in (s**2 * m, s * d, k))
     p = jax.scipy.linalg.lu_factor(m + d + k)  # P at the shift, now 1
-    pd, pm = jax.scipy.linalg.lu_solve(p, d + m), jax.scipy.linalg.lu_solve(p, m)
+    pd = jax.scipy.linalg.lu_solve(p, d + m)
+    pm = jax.scipy.linalg.lu_solve(p, m)
     # (A - B)^{-1} B by blocks, of A z = lambda B z with z = (x, lambda x): its eigenvalues are
     # nu = 1/(lambda - 1).
     nu, v = jnp.linalg.eig(jnp.block([[-pd, -pm], [jnp.eye(n) - pd, -pm]]))
@@ -213,29 +215,29 @@ def _spectrum(m, d, k):
     rigid = jnp.abs(lam) < 1e-5
     oscillating = finite & ~rigid & (lam.imag > 1e-9 * (1 + jnp.abs(lam)))
     order = jnp.argsort(jnp.where(oscillating, jnp.abs(lam), jnp.inf))
-    kept = jnp.where(oscillating, lam, jnp.nan)[order]
+    eigenvalues = jnp.where(oscillating, lam, jnp.nan)[order]
     # Less what rounding makes of the real part, which is much where a spring is very stiff.
     growing = lam.real - 1e-9 * jnp.abs(lam)
     worst = jnp.argmax(jnp.where(finite & ~rigid, growing, -jnp.inf))
     vectors = weight[:, None] * v[:n]
     right = vectors[:, order]
     right = right / jnp.take_along_axis(right, jnp.argmax(jnp.abs(right), 0)[None], 0)
-    return s * kept, right, (s * lam[worst][None], vectors[:, worst, None])
+    return s * eigenvalues, right, (s * lam[worst][None], vectors[:, worst, None])
 
 
 def _newton(p, frozen, lam, x):
     """Eigenvalues after one step of Newton's method, which carries their derivatives."""
     m, d, k = p
-    y = jax.lax.stop_gradient(_left(*frozen, lam, x))
+    y = jax.lax.stop_gradient(_left_vectors(*frozen, lam, x))
     residual = (m @ x) * lam**2 + (d @ x) * lam + k @ x
     return lam - jnp.einsum("im,im->m", y, residual)  # y^T P' x = 1
 
 
-def _left(m, d, k, lam, x):
+def _left_vectors(m, d, k, lam, x):
     """Left vectors y, y_i^T ((lambda_i + lambda_j) M + D) x_j = delta_ij, by inverse iteration."""
     start = jnp.asarray(np.random.default_rng(0).normal(size=x.T.shape)) + 0j
 
-    def one(lam, b):
+    def left_vector(lam, b):
         lu = jax.scipy.linalg.lu_factor(lam**2 * m + lam * d + k)
         for _ in range(2):
             # P^T without conjugation: y^T P = 0.
@@ -244,7 +246,7 @@ def _left(m, d, k, lam, x):
         return b
 
     # The factor off the eigenvalue keeps P invertible where lambda is exact to the last bit.
-    y = jax.lax.map(lambda a: one(a[0] * (1 + 1e-13), a[1]), (lam, start)).T
+    y = jax.lax.map(lambda a: left_vector(a[0] * (1 + 1e-13), a[1]), (lam, start)).T
     # Diagonal by itself where eigenvalues differ, as y_a^T (P(lambda_a) - P(lambda_b)) x_b = 0; the
     # inverse pairs the vectors inside a repeated one.
     gram = jnp.einsum("ia,ij,jb,ab->ab", y, m, x, lam[:, None] + lam[None, :]) + y.T @ d @ x
@@ -254,7 +256,7 @@ def _left(m, d, k, lam, x):
     return jnp.where(bad, jnp.nan, jnp.where(bad, 0.0, y) @ jnp.linalg.inv(gram).T)
 
 
-def _vectors(m, d, k, lam_new, lam, x):
+def _refined_vectors(m, d, k, lam_new, lam, x):
     """One differentiable Newton step for the vectors, the largest entry held at one.
 
     [P(lambda), P'(lambda) x; e^T, 0] [dx; dlambda] = -[P(lambda') x; 0]; inside a cluster the
@@ -262,7 +264,7 @@ def _vectors(m, d, k, lam_new, lam, x):
     """
     frozen = jax.lax.stop_gradient
 
-    def one(lam_new, lam, x):
+    def refined_vector(lam_new, lam, x):
         p = frozen(lam**2 * m + lam * d + k)
         e = jnp.zeros_like(x).at[jnp.argmax(jnp.abs(x))].set(1.0)
         slope = frozen((2 * lam * m + d) @ x)
@@ -275,4 +277,4 @@ def _vectors(m, d, k, lam_new, lam, x):
         alone = jnp.all(jnp.isfinite(step)) & (jnp.linalg.norm(frozen(step)) < 1e-3)
         return x + jnp.where(alone, step, 0.0)
 
-    return jax.lax.map(lambda a: one(*a), (lam_new, lam, x.T)).T
+    return jax.lax.map(lambda a: refined_vector(*a), (lam_new, lam, x.T)).T

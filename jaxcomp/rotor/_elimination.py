@@ -49,7 +49,7 @@ class Factor(NamedTuple):
 
     Attributes:
         segment: (m, 14, c, components) D^{-1}, W, Y = D^{-1} X, and X^T Y summed up on the left border.
-        last: (s, 4, components) W of the right border node.
+        to_right: (s, 4, components) W of the right border node.
         inner: LU of the untouched border coordinates, per kind of component.
         cross: their coupling to the touched ones, per kind of component.
         reach: their response to the touched ones, per kind of component.
@@ -59,7 +59,7 @@ class Factor(NamedTuple):
     """
 
     segment: Array
-    last: Array
+    to_right: Array
     inner: tuple
     cross: tuple
     reach: tuple
@@ -74,13 +74,14 @@ def factorise(z: Operator) -> Factor:
     b = len(z.system.layout.border)
     assert z.system.places is not None
     places = at_speed(layout, z.system.places, z.coefficients)
-    segment, last, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
+    segment, to_right, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
     inner = []
     cross = []
     reach = []
-    kept = []
+    reduced = []
     for component, (free, keep) in _kinds(layout):
-        # Untouched coordinates first: they are eliminated while p and q are still apart.
+        # Untouched coordinates first: they are eliminated while p and q are still apart, in matrices of
+        # half the size.
         order = np.concatenate([free, keep])
         f = len(free)
         row = order[:, None]
@@ -94,15 +95,15 @@ def factorise(z: Operator) -> Factor:
         inner.append(lu)
         cross.append(coupling)
         reach.append(response)
-        kept.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
-    full = _unlane(kept) + _links_and_bodies(layout, z) + jnp.diag(_held_in_one_plane(layout))
-    motion = None if layout.own.all() else _border_motion(layout, z.system.arms)
+        reduced.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
+    full = _in_planes(reduced) + _links_and_bodies(layout, z) + jnp.diag(_held_in_one_plane(layout))
+    motion = None if layout.free.all() else _border_motion(layout, z.system.arms)
     small = full if motion is None else motion.T @ full @ motion
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
     size = jnp.abs(jnp.diagonal(small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
     lu = lu_factor(weight[:, None] * small * weight)
-    return Factor(segment, last, tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
+    return Factor(segment, to_right, tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
 
 
 def solve_factored(
@@ -112,17 +113,21 @@ def solve_factored(
     moving = jnp.asarray(layout.moving)
     to_components = whirl(layout.dof, transpose)
     components = jnp.einsum("lp,npk->nkl", to_components, jnp.where(moving, load, 0.0))
-    g, (m, c), b = take(components, layout.border), layout.segment.shape, len(layout.border)
+    g = take(components, layout.border)
+    m, c = layout.segment.shape
+    b = len(layout.border)
     if not m:
         return _planes(layout, to_components, _solve_border(layout, factor, g, transpose), load)
     components = jnp.concatenate([components, jnp.zeros_like(components[:1])])  # the dummy node
     r = jnp.moveaxis(take(components, layout.segment), 2, 1)  # (m, 2, c, components)
     r, on_left = _forward(layout, factor, r)
-    (left, far), last = layout.ends, tuple(jnp.moveaxis(factor.last, 1, 0))
-    to_far = times_t(last, tuple(_at_ends(layout, r).swapaxes(0, 1)))
+    near, far = layout.ends
+    to_right = tuple(jnp.moveaxis(factor.to_right, 1, 0))
+    on_right = jnp.stack(times_t(to_right, tuple(_at_ends(layout, r).swapaxes(0, 1))), 1)
     # A free end has the number behind the last border node, which `add` leaves out.
-    both = jnp.concatenate([_at_ends(layout, on_left), jnp.stack(to_far, 1)])
-    y = _solve_border(layout, factor, add(g, np.concatenate([left, far]), -both), transpose)
+    on_border = jnp.concatenate([_at_ends(layout, on_left), on_right])
+    g = add(g, np.concatenate([near, far]), -on_border)
+    y = _solve_border(layout, factor, g, transpose)
     x = _backward(layout, factor, r, y)
     # All nodes by one gather from border and segments.
     where = np.zeros(layout.n, int)
@@ -142,24 +147,24 @@ def _planes(layout: Layout, to_components, components: Array, load: Array) -> Ar
 def _at_ends(layout, x):
     """Values (m, k, c, components) at the last nodes of the segments, (s, k, components)."""
     m, k, c, components = x.shape
-    rows = layout.last[0] * c + layout.last[1]
+    rows = layout.last_nodes[0] * c + layout.last_nodes[1]
     return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, components), rows)
 
 
-def _eliminate(layout, places, more):
+def _eliminate(layout, places, pulls):
     """Segments and their W of the right border node, and what is left on the border.
 
-    Between two segments of a column N is zero, which starts the recursion afresh. `more` are rows
+    Between two segments of a column N is zero, which starts the recursion afresh. `pulls` are rows
     and blocks that belong on the border as well.
     """
     b = len(layout.border)
     if not layout.segment.size:
-        border = add(places.border, *more)
+        border = add(places.border, *pulls)
         return places.segment, places.right, border + _held(layout)
 
-    def step(carry, here):
-        pivot, fill, left = carry
-        blocks, inside = here
+    def step(carry, row):
+        pivot, fill, on_border = carry
+        blocks, inside = row
         a, bb, d = blocks[_DIAGONAL]
         n, e = blocks[_NEXT], blocks[_LEFT]
         w = product(pivot, n)
@@ -169,10 +174,12 @@ def _eliminate(layout, places, more):
         pivot = inverse((a - q[0], bb - q[1], d - q[3]))
         fill = minus(e, product_t(w, fill))
         back = product(pivot, fill)
-        own = product_t(fill, back)
+        on_left = product_t(fill, back)
         # The only sum that N = 0 at an opening does not start afresh.
-        left = tuple(inside * past + own[k] for past, k in zip(left, (0, 1, 3), strict=True))
-        return (pivot, fill, left), jnp.stack([*pivot, *w, *back, *left])
+        a, b, _, d = on_left
+        sums = zip(on_border, (a, b, d), strict=True)
+        on_border = tuple(inside * total + entry for total, entry in sums)
+        return (pivot, fill, on_border), jnp.stack([*pivot, *w, *back, *on_border])
 
     inside = jnp.asarray(~layout.opening, float)[..., None]
     zero = jnp.zeros_like(places.segment[0, 0])
@@ -180,20 +187,26 @@ def _eliminate(layout, places, more):
     start = ((zero + 1, zero, zero + 1), (zero,) * 4, (zero,) * 3)
     segment = jax.lax.scan(step, start, (places.segment, inside))[1]
     ends = _at_ends(layout, segment).swapaxes(0, 1)
-    right, (left, far) = places.right.swapaxes(0, 1), layout.ends
-    last = product(ends[_PIVOT], right)
-    to_left = ends[_ON_LEFT][np.array([0, 1, 1, 2])]
-    to_far = jnp.stack(product_t(right, last))
-    across = jnp.stack(product_t(right, ends[_BACK]))  # rows far, columns left
-    both = (left < b) & (far < b)
+    right = places.right.swapaxes(0, 1)
+    near, far = layout.ends
+    # the last node of a segment is eliminated as all others, its neighbour being on the border
+    to_right = product(ends[_PIVOT], right)
+    on_near = ends[_ON_LEFT][np.array([0, 1, 1, 2])]
+    on_far = jnp.stack(product_t(right, to_right))
+    between = jnp.stack(product_t(right, ends[_BACK]))  # rows far, columns near
+    joined = (near < b) & (far < b)
     # Row b * b does not exist, so that `add` leaves out what would act on a free end.
-    rows = [np.where(k < b, k * (b + 1), b * b) for k in (left, far)]
-    rows += [np.where(both, i * b + k, b * b) for i, k in ((far, left), (left, far))]
-    values = jnp.concatenate([to_left, to_far, across, across[TURNED]], 1).swapaxes(0, 1)
-    rows = np.concatenate([*rows, more[0]])
-    values = jnp.concatenate([-values, more[1]])
+    rows = [
+        np.where(near < b, near * (b + 1), b * b),
+        np.where(far < b, far * (b + 1), b * b),
+        np.where(joined, far * b + near, b * b),
+        np.where(joined, near * b + far, b * b),
+    ]
+    values = jnp.concatenate([on_near, on_far, between, between[TURNED]], 1).swapaxes(0, 1)
+    rows = np.concatenate([*rows, pulls[0]])
+    values = jnp.concatenate([-values, pulls[1]])
     border = add(places.border, rows, values) + _held(layout)
-    return segment, jnp.stack(last, 1), border
+    return segment, jnp.stack(to_right, 1), border
 
 
 def _held(layout):
@@ -216,7 +229,7 @@ def _held_in_one_plane(layout):
     (_, (_, keep)), *axial = _kinds(layout)
     loose = np.swapaxes(layout.loose[:, :2], 0, 1).reshape(2, -1)[:, keep]
     alone = (loose & ~loose.all(0)).reshape(-1)
-    return np.append(alone, np.zeros(sum(len(kept) for _, (_, kept) in axial))).astype(float)
+    return np.append(alone, np.zeros(sum(len(touched) for _, (_, touched) in axial))).astype(float)
 
 
 def _magnetic_pulls(layout, z):
@@ -237,12 +250,12 @@ def _magnetic_pulls(layout, z):
 def _forward(layout, factor, r):
     """Loads after the elimination, and their sum on the left border node of the segment."""
 
-    def step(carry, here):
-        before, left = carry
-        now, blocks, inside = here
-        now = jnp.stack(minus(now, times_t(blocks[_AHEAD], before)))
-        left = inside * left + jnp.stack(times_t(blocks[_BACK], now))
-        return (now, left), (now, left)
+    def step(carry, row):
+        before, on_left = carry
+        load, blocks, inside = row
+        load = jnp.stack(minus(load, times_t(blocks[_AHEAD], before)))
+        on_left = inside * on_left + jnp.stack(times_t(blocks[_BACK], load))
+        return (load, on_left), (load, on_left)
 
     inside = jnp.asarray(~layout.opening, float)[..., None]
     zero = jnp.zeros_like(r[0])
@@ -252,25 +265,26 @@ def _forward(layout, factor, r):
 def _backward(layout, factor, r, y):
     m, c = layout.segment.shape
     ground = jnp.concatenate([y, jnp.zeros_like(y[:1])])
-    left = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, components)
+    near = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, components)
     far = take(ground, layout.ends[1]).swapaxes(0, 1)
     blocks = jnp.moveaxis(factor.segment, 1, 0)
     a, b, d = blocks[_PIVOT]
-    own = minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], left))
-    end = jnp.stack(times(factor.last.swapaxes(0, 1), far), 1)  # (s, 2, components)
-    rows = layout.last[0] * c + layout.last[1]
-    own = add(jnp.stack(own, 2).reshape(m * c, 2, -1), rows, -end).reshape(m, c, 2, -1)
+    motion = minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], near))
+    end = jnp.stack(times(factor.to_right.swapaxes(0, 1), far), 1)  # (s, 2, components)
+    rows = layout.last_nodes[0] * c + layout.last_nodes[1]
+    motion = add(jnp.stack(motion, 2).reshape(m * c, 2, -1), rows, -end)
+    motion = motion.reshape(m, c, 2, -1)
 
-    def step(carry, here):
+    def step(carry, row):
         following, w_following = carry
-        now, w = here
-        now = jnp.stack(minus(now, times(w_following, following)))
-        return (now, w), now
+        motion, w = row
+        motion = jnp.stack(minus(motion, times(w_following, following)))
+        return (motion, w), motion
 
     # W of an opening is zero as well, so that nothing leaks into the segment before it.
     start = jnp.zeros_like(r[0]), jnp.zeros_like(factor.segment[0, _AHEAD])
-    own = jnp.moveaxis(own, 2, 1)
-    return jax.lax.scan(step, start, (own, factor.segment[:, _AHEAD]), reverse=True)[1]
+    rows_of_motion = jnp.moveaxis(motion, 2, 1), factor.segment[:, _AHEAD]
+    return jax.lax.scan(step, start, rows_of_motion, reverse=True)[1]
 
 
 def _solve_border(layout, factor, g, transpose):
@@ -278,32 +292,35 @@ def _solve_border(layout, factor, g, transpose):
     b = len(layout.border)
     to_components = whirl(layout.dof, transpose)
     flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
-    kept = []
+    reduced = []
     inside = []
     kinds = _kinds(layout)
     for k, (component, (free, keep)) in enumerate(kinds):
-        own = take(flat[component].T, np.concatenate([free, keep])).T
+        load = take(flat[component].T, np.concatenate([free, keep])).T
         # In the components all blocks are symmetric and stand for Z^T too; only the border, where
         # links and bodies join p and q, has to be transposed.
-        x = lu_solve(factor.inner[k], own[:, : len(free), None])[..., 0]
-        kept.append(own[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
+        x = lu_solve(factor.inner[k], load[:, : len(free), None])[..., 0]
+        reduced.append(load[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
         inside.append(x)
     # Links and bodies act along x and y: the rest of the border is solved in the planes.
-    planes = [to_components[:2, :2].conj().T @ kept[0], *kept[1:]]
+    planes = [to_components[:2, :2].conj().T @ reduced[0], *reduced[1:]]
     rhs = jnp.concatenate([p.reshape(-1) for p in planes])
-    rhs = rhs if factor.motion is None else factor.motion.T @ rhs
+    if factor.motion is not None:
+        rhs = factor.motion.T @ rhs
     y = lu_solve(factor.border, (factor.weight * rhs)[:, None], transpose)[:, 0]
     y = factor.weight * y
-    y = y if factor.motion is None else factor.motion @ y
+    if factor.motion is not None:
+        y = factor.motion @ y
     out = []
     used = 0
     for k, (component, (free, keep)) in enumerate(kinds):
-        own = y[used : used + len(component) * len(keep)].reshape(len(component), -1)
-        used += own.size
-        own = to_components[:2, :2] @ own if k == 0 else own
-        rest = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], own)
+        touched = y[used : used + len(component) * len(keep)].reshape(len(component), -1)
+        used += touched.size
+        if k == 0:  # the lateral planes go back to the components p and q
+            touched = to_components[:2, :2] @ touched
+        untouched = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], touched)
         order = np.argsort(np.concatenate([free, keep]))
-        out.append(take(jnp.concatenate([rest, own], 1).T, order))
+        out.append(take(jnp.concatenate([untouched, touched], 1).T, order))
     return jnp.concatenate(out, 1).reshape(b, 2, -1)
 
 
@@ -311,12 +328,16 @@ def _kinds(layout):
     """Components of one kind (whirl, axial), with their untouched and touched border coordinates."""
     # p and q are both x and y: what a link touches in one plane it touches in both components.
     lateral = layout.touched[:, 0] | layout.touched[:, 1]
-    kinds = [(np.array([0, 1]), lateral)]
-    kinds += [(np.array([2]), layout.touched[:, 2])] if layout.dof == 6 else []
-    return [
-        (component, (np.flatnonzero(~t.reshape(-1)), np.flatnonzero(t.reshape(-1))))
-        for component, t in kinds
-    ]
+    kinds = [(np.array([0, 1]), _split(lateral))]
+    if layout.dof == 6:
+        kinds.append((np.array([2]), _split(layout.touched[:, 2])))
+    return kinds
+
+
+def _split(touched):
+    """Numbers of the untouched coordinates (nodes, 2) and of the touched ones."""
+    flat = touched.reshape(-1)
+    return np.flatnonzero(~flat), np.flatnonzero(flat)
 
 
 def _touched_numbers(layout):
@@ -336,7 +357,7 @@ def _border_motion(layout, arms):
     """Touched border coordinates from the independent ones among them."""
     numbers = _touched_numbers(layout)
     free = layout.moving.reshape(-1)[numbers]
-    fixed = jnp.asarray(np.diag(layout.own.reshape(-1)[numbers] * 1.0))
+    fixed = jnp.asarray(np.diag(layout.free.reshape(-1)[numbers] * 1.0))
     return _scattered(layout, fixed, *layout.ties.nodes, arms)[:, free]
 
 
@@ -366,10 +387,10 @@ def _scattered(layout, matrix, rows, columns, blocks):
     return add(matrix.reshape(-1), at, blocks).reshape(size, size)
 
 
-def _unlane(kept):
+def _in_planes(reduced):
     """From components to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
-    p, q = kept[0]
+    p, q = reduced[0]
     mean = (p + q) / 2
     half = 0.5j * (p - q)
     out = jnp.block([[mean, half], [-half, mean]])
-    return out if len(kept) == 1 else jax.scipy.linalg.block_diag(out, kept[1][0])
+    return out if len(reduced) == 1 else jax.scipy.linalg.block_diag(out, reduced[1][0])

@@ -11,6 +11,7 @@ coordinates.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ class Layout:
         segment: (m, c) interior nodes.
         opening: (m, c) whether a segment begins there.
         left_of: (m, c) border position left of the segment that the node belongs to.
-        last: (2, s) position and column of the last node of each segment.
+        last_nodes: (2, s) position and column of the last node of each segment.
         ends: (2, s) border positions left and right of the segments, b for a free end.
         slots: for each element (kind, position, column, transposed); see `_slots`.
     """
@@ -70,7 +71,7 @@ class Layout:
     segment: np.ndarray
     opening: np.ndarray
     left_of: np.ndarray
-    last: np.ndarray
+    last_nodes: np.ndarray
     ends: np.ndarray
     slots: np.ndarray
 
@@ -81,9 +82,9 @@ class Layout:
         return isinstance(other, Layout) and self.key == other.key
 
     @property
-    def own(self) -> np.ndarray:
+    def free(self) -> np.ndarray:
         """(n, planes, 2) Whether a coordinate follows nothing."""
-        return self.ties.own.reshape(self.n, -1, 2)
+        return self.ties.free.reshape(self.n, -1, 2)
 
     @property
     def size(self) -> int:
@@ -100,37 +101,45 @@ def layout_of(model: Any) -> Layout:
     Args:
         model: a `RotorModel`, or a `System`, which has its layout.
     """
-    if (known := getattr(model, "layout", None)) is not None:
-        return known
+    if (prepared := getattr(model, "layout", None)) is not None:
+        return prepared
     names = node_names(model)
     number = {name: i for i, name in enumerate(names)}
-    pairs = tuple((number[a], number[b]) for s in model.shafts for a, b in s.pairs)
-    links = [(link.nodes, link.axes, link.held) for link in model.links]
-    links += [(pair, (), False) for pull in model.magnetic_pulls for pair in pull.nodes]
-    link_axes = tuple(
-        # The ground has the number behind the last node, which `add` leaves out.
-        (tuple(number.get(node, len(names)) for node in nodes), tuple(axes), held)
-        for nodes, axes, held in links
-    )
-    bodies = tuple((number[b.centre], tuple(number[k] for k in b.nodes)) for b in model.bodies)
-    disks = tuple(number[k] for d in model.disks for k in d.nodes)
-    masses = tuple(number[k] for p in model.masses for k in p.nodes)
-    return _layout((names, model.dof, pairs, link_axes, bodies, disks, masses))
+    # The ground has the number behind the last node, which `add` leaves out.
+    number[None] = len(names)
+
+    def numbers(nodes):
+        return tuple(number[node] for node in nodes)
+
+    pairs = []
+    for shaft in model.shafts:
+        pairs += map(numbers, shaft.pairs)
+    links = [(numbers(link.nodes), tuple(link.axes), link.held) for link in model.links]
+    for pull in model.magnetic_pulls:
+        links += [(numbers(pair), (), False) for pair in pull.nodes]
+    bodies = tuple((number[body.centre], numbers(body.nodes)) for body in model.bodies)
+    disks = numbers(chain.from_iterable(disk.nodes for disk in model.disks))
+    masses = numbers(chain.from_iterable(mass.nodes for mass in model.masses))
+    return _layout((names, model.dof, tuple(pairs), tuple(links), bodies, disks, masses))
 
 
 @lru_cache(maxsize=64)
 def _layout(key) -> Layout:
     names, dof, pairs, link_axes, bodies, _, _ = key
-    n, (in_planes, _) = len(names), coordinates(dof)
-    slaved = tuple((k, c) for c, nodes in bodies for k in nodes)
+    n = len(names)
+    in_planes, _ = coordinates(dof)
+    slaved = []
+    for centre, nodes in bodies:
+        slaved += [(node, centre) for node in nodes]
+    slaved = tuple(slaved)
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
     # Pulls are the links without axes. Their nodes are border nodes: a segment couples neighbours only.
-    pulled = {node for nodes, axes, _ in link_axes if not axes for node in nodes} - {n}
+    pulled = set(chain.from_iterable(nodes for nodes, axes, _ in link_axes if not axes)) - {n}
     touched, exists, ties = _coordinates_of(key, slaved, neighbours, pulled)
-    active = exists & ties.own
+    active = exists & ties.free
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
 
@@ -138,12 +147,12 @@ def _layout(key) -> Layout:
     runs = _runs(n, neighbours, border)
     order = sorted(border)
     at = {node: k for k, node in enumerate(order)} | {None: len(order)}
-    segment, opening, last = _packed(n, runs)
+    segment, opening, last_nodes = _packed(n, runs)
     ends = np.array([(at[a], at[b]) for a, _, b in runs], int).reshape(-1, 2).T
     left_of = np.full(segment.shape, len(order))
-    for (left, run, _), (_, column) in zip(runs, last, strict=True):
-        if left is not None:
-            left_of[np.isin(segment[:, column], run), column] = at[left]
+    for (before, run, _), (_, column) in zip(runs, last_nodes, strict=True):
+        if before is not None:
+            left_of[np.isin(segment[:, column], run), column] = at[before]
     by_plane = lambda table: table.reshape(len(table), -1, 2)  # noqa: E731
     return Layout(
         key=key,
@@ -159,11 +168,11 @@ def _layout(key) -> Layout:
         moving=by_plane(active),
         border=np.array(order, int),
         touched=by_plane(touched[order]),
-        loose=by_plane((ties.own & ~exists)[order]),
+        loose=by_plane((ties.free & ~exists)[order]),
         segment=segment,
         opening=opening,
         left_of=left_of,
-        last=last.T,
+        last_nodes=last_nodes.T,
         ends=ends,
         slots=_slots(pairs, segment, runs, at),
     )
@@ -172,18 +181,19 @@ def _layout(key) -> Layout:
 def _coordinates_of(key, slaved, neighbours, pulled) -> tuple[np.ndarray, np.ndarray, Ties]:
     """Which coordinates (n, dof) links or bodies touch, which exist, and which follow others."""
     names, dof, _, link_axes, bodies, disks, masses = key
-    n, (in_planes, _) = len(names), coordinates(dof)
+    n = len(names)
+    in_planes, _ = coordinates(dof)
     place = {AXES[dof][axis]: at for at, axis in enumerate(in_planes)}
     touched, exists = np.zeros((2, n, dof), bool)
     holds: list[Hold] = []
     for link, (nodes, axes, held) in enumerate(link_axes):
-        own = [place[axis] for axis in axes if axis in place]
+        of_link = [place[axis] for axis in axes if axis in place]
         for node in set(nodes) - {n}:
-            touched[node, own] = True
+            touched[node, of_link] = True
             # A held link has no stiffness: it does not bring a coordinate into being.
-            exists[node, own] |= not held
+            exists[node, of_link] |= not held
         if held:
-            holds += [Hold(link, *nodes, at) for at in own]
+            holds += [Hold(link, *nodes, at) for at in of_link]
     ties = find_ties(n, dof, slaved, tuple(holds))
     rigid = [*(c for c, _ in bodies), *(k for k, _ in slaved)]
     touched[rigid] = True
@@ -217,12 +227,12 @@ def _runs(n, neighbours, border):
         left_over -= set(run)
         outer = sorted(neighbours[tip] & border)
         if len(run) == 1:
-            left, right = (*outer, None, None)[:2]
+            before, behind = (*outer, None, None)[:2]
         else:
-            far = sorted(neighbours[run[-1]] & border)
-            left = (*outer, None)[0]
-            right = (*far, None)[0]
-        runs.append((left, tuple(run), right))
+            far_ends = sorted(neighbours[run[-1]] & border)
+            before = (*outer, None)[0]
+            behind = (*far_ends, None)[0]
+        runs.append((before, tuple(run), behind))
     if left_over:
         border.add(min(left_over))
         return _runs(n, neighbours, border)
@@ -233,7 +243,7 @@ def _packed(n, runs):
     """Segments in columns: node numbers (m, c), where they begin, (position, column) of the ends."""
     height = max([len(run) for _, run, _ in runs], default=0)
     columns: list[list[int]] = []
-    last = np.zeros((len(runs), 2), int)
+    last_nodes = np.zeros((len(runs), 2), int)
     # Longest first into the first column with room: few columns, none higher than the longest
     # segment, whose length alone is sequential in the elimination.
     for s in sorted(range(len(runs)), key=lambda s: -len(runs[s][1])):
@@ -243,12 +253,12 @@ def _packed(n, runs):
             columns.append([])
             room = [len(columns) - 1]
         columns[room[0]] += run
-        last[s] = len(columns[room[0]]) - 1, room[0]
+        last_nodes[s] = len(columns[room[0]]) - 1, room[0]
     segment = np.full((height, len(columns)), n)
     for c, nodes in enumerate(columns):
         segment[: len(nodes), c] = nodes
     first = [run[0] for _, run, _ in runs]
-    return segment, np.isin(segment, [*first, n]), last
+    return segment, np.isin(segment, [*first, n]), last_nodes
 
 
 def _slots(pairs, segment, runs, place):
@@ -260,18 +270,21 @@ def _slots(pairs, segment, runs, place):
     whose places stand in the two index columns.
     """
     where = {int(node): at for at, node in np.ndenumerate(segment)}
-    number = {node: s for s, (_, run, _) in enumerate(runs) for node in run}
+    number = {}
+    for s, (_, run, _) in enumerate(runs):
+        number |= dict.fromkeys(run, s)
     out = []
     for a, b in pairs:
         if a in place and b in place:
             out.append((BORDER, place[a], place[b], 0))
         elif a in where and b in where:
-            (ja, c), (jb, _) = where[a], where[b]
+            ja, c = where[a]
+            jb, _ = where[b]
             out.append((NEXT, max(ja, jb), c, int(ja > jb)))
         else:
             inner, outer = (a, b) if a in where else (b, a)
-            left, run, _ = runs[number[inner]]
-            if inner == run[0] and outer == left:
+            before, run, _ = runs[number[inner]]
+            if inner == run[0] and outer == before:
                 out.append((LEFT, *where[inner], int(inner == b)))
             else:
                 out.append((RIGHT, 0, number[inner], int(inner == b)))

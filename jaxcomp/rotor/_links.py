@@ -93,24 +93,33 @@ class Mount(Part):
     angular_damping: Array | None = quantity("N m s/rad", shape=(None,), default=None)
 
     def __check_init__(self):
-        for one, other in (("stiffness", "damping"), ("angular_stiffness", "angular_damping")):
-            sizes = [jnp.size(v) for v in (getattr(self, one), getattr(self, other))
-                     if v is not None]  # fmt: skip
-            if len(sizes) == 1 or (sizes and sizes[0] != sizes[1]):
-                raise BadInput(other, getattr(self, other), f"one value for each of `{one}`")
+        for stiffness, damping in (
+            ("stiffness", "damping"),
+            ("angular_stiffness", "angular_damping"),
+        ):
+            pair = getattr(self, stiffness), getattr(self, damping)
+            # absent ones have a size that no other has
+            sizes = {-1 if values is None else jnp.size(values) for values in pair}
+            if len(sizes) > 1:
+                raise BadInput(
+                    damping, getattr(self, damping), f"one value for each of `{stiffness}`"
+                )
 
     @property
     def size(self):
         """Number of axes."""
-        angular = self.angular_stiffness
-        return self.stiffness.size + (0 if angular is None else angular.size)
+        if self.angular_stiffness is None:
+            return self.stiffness.size
+        return self.stiffness.size + self.angular_stiffness.size
 
     def coefficients(self, spin_speed):
         """The two matrices."""
         del spin_speed
-        pairs = (self.stiffness, self.angular_stiffness), (self.damping, self.angular_damping)
-        both = ([own for own in pair if own is not None] for pair in pairs)
-        return tuple(jnp.diag(jnp.concatenate(own)) for own in both)
+        if self.angular_stiffness is None or self.angular_damping is None:
+            return jnp.diag(self.stiffness), jnp.diag(self.damping)
+        stiffness = jnp.concatenate([self.stiffness, self.angular_stiffness])
+        damping = jnp.concatenate([self.damping, self.angular_damping])
+        return jnp.diag(stiffness), jnp.diag(damping)
 
 
 class SpeedTable(Part):
@@ -286,9 +295,11 @@ def diagonal(stiffness, damping) -> ConstantLaw:
 
 def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
     """[N/m] Negative radial stiffness of each pair."""
-    n = len(pull.nodes)
+    share = pull.share
+    if share is None:
+        share = jnp.full(len(pull.nodes), 1 / len(pull.nodes))
     # Negative: the pull is towards the narrower gap and grows as it closes.
-    return -pull.stiffness * (jnp.full(n, 1 / n) if pull.share is None else pull.share)
+    return -pull.stiffness * share
 
 
 def _through_points(x, y, at, kind):
@@ -366,9 +377,9 @@ class LoadedFilm(Part):
             self.bearing.model, AbstractSolvedFilm
         ):
             raise BadInput("bearing.film", self.bearing.film, "a film with stiffness and damping")
-        wanted = (2,) if self.speed is None else (*self.speed.shape, 2)
-        if self.load is not None and self.load.shape != wanted:
-            raise BadInput("load", self.load, f"of shape {wanted}")
+        shape = (2,) if self.speed is None else (*self.speed.shape, 2)
+        if self.load is not None and self.load.shape != shape:
+            raise BadInput("load", self.load, f"of shape {shape}")
         if self.linearised not in ("mean_load", "orbit"):
             raise BadInput("linearised", self.linearised, '"mean_load" or "orbit"')
         if self.linearised == "orbit" and self.load is not None:
@@ -381,8 +392,8 @@ class LoadedFilm(Part):
             BadInput: a bearing or load that only the whole machine knows.
         """
         if self.load is None or isinstance(self.bearing, NamedBearing):
-            what = "bearing" if isinstance(self.bearing, NamedBearing) else "load"
-            raise BadInput(what, "open", "resolved by its machine, see `jaxcomp.Machine`")
+            missing = "bearing" if isinstance(self.bearing, NamedBearing) else "load"
+            raise BadInput(missing, "open", "resolved by its machine, see `jaxcomp.Machine`")
         load = self.load
         if self.speed is not None:
             # The table counts speeds without a sense of rotation, which acts in the film.

@@ -103,12 +103,12 @@ class CrankNodes(Part):
     def __check_init__(self):
         if (self.rotor is None) != (self.stator is None):
             raise BadInput("stator", str(self.stator), "given with `rotor`, and only with it")
-        lengths = {len(nodes) if isinstance(nodes, tuple) else 0 for nodes in self._given}
+        lengths = {len(nodes) if isinstance(nodes, tuple) else 0 for nodes in self._nodes}
         if len(lengths) > 1:
             raise BadInput("pin", str(self.pin), "of as many nodes as `head` and `wall`")
 
     @property
-    def _given(self):
+    def _nodes(self):
         return self.pin, self.head, self.wall
 
     @property
@@ -119,7 +119,9 @@ class CrankNodes(Part):
     @property
     def of_cylinders(self) -> tuple[tuple[Any, ...], ...]:
         """Nodes of pin, head and wall of every cylinder."""
-        return tuple(zip(*self._given, strict=True)) if self.pin == self.pins else (self._given,)
+        if self.pin == self.pins:
+            return tuple(zip(*self._nodes, strict=True))
+        return (self._nodes,)
 
 
 class LoadCase(Part):
@@ -147,13 +149,15 @@ class LoadCase(Part):
             BadInput: a node that the rotor does not have.
         """
         model = rotor_among(parts)
-        held = [(f"unbalances.{i}.nodes", table.nodes) for i, table in enumerate(self.unbalances)]
-        for i, force in enumerate(self.forces):
-            held += [(f"forces.{i}.{name}", getattr(force, name)) for name in ("node", "reaction")]
-        for name in ("pin", "head", "wall", "rotor", "stator") if self.crank else ():
-            held.append((f"crank.{name}", getattr(self.crank, name)))
-        for field, nodes in held:
-            check_nodes(model, nodes, field)
+        for number, table in enumerate(self.unbalances):
+            check_nodes(model, table.nodes, f"unbalances.{number}.nodes")
+        for number, force in enumerate(self.forces):
+            check_nodes(model, force.node, f"forces.{number}.node")
+            check_nodes(model, force.reaction, f"forces.{number}.reaction")
+        if self.crank is None:
+            return
+        for name in ("pin", "head", "wall", "rotor", "stator"):
+            check_nodes(model, getattr(self.crank, name), f"crank.{name}")
 
 
 Loads = tuple[Unbalances | PeriodicForce, ...]
@@ -210,16 +214,17 @@ def _with_force(f, model, load, order):
     row = load.orders.index(order)
 
     def amplitude(*tables):
-        a, b = (jnp.zeros(3) if table is None else table[row] for table in tables)
+        none = jnp.zeros((len(load.orders), 3))
+        a, b = ((none if table is None else table)[row] for table in tables)
         # Re[(a - i b) e^{i w t}] = a cos w t + b sin w t.
         return a - 1j * b
 
     force = amplitude(load.cosine, load.sine)
     wrench = jnp.concatenate([force, amplitude(load.moment_cosine, load.moment_sine)])
-    own = np.array([SPACE_AXES.index(a) for a in AXES[model.dof]])
-    f = f.at[node_index(model, load.node)].add(wrench[own])
+    components = np.array([SPACE_AXES.index(a) for a in AXES[model.dof]])
+    f = f.at[node_index(model, load.node)].add(wrench[components])
     if load.reaction is None:
         return f
     if load.arm is not None:
         wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), force))
-    return f.at[node_index(model, load.reaction)].add(-wrench[own])
+    return f.at[node_index(model, load.reaction)].add(-wrench[components])

@@ -1,5 +1,8 @@
 r"""The model: tables of elements over named nodes, where these are, and the planes of a balance."""
 
+from collections import Counter
+from itertools import chain
+
 import equinox as eqx
 import numpy as np
 from jaxtyping import Array
@@ -50,13 +53,11 @@ class RotorModel(Part):
     def __check_init__(self):
         if self.dof not in AXES:
             raise BadInput("dof", self.dof, "4 (lateral) or 6 (with axial and torsion)")
-        known = mentioned(self)
-        if not known:
+        names = mentioned(self)
+        if not names:
             raise BadInput("nodes", "()", "at least one node, mentioned by an element")
-        if self.nodes is not None and (
-            set(self.nodes) != set(known) or len(self.nodes) != len(set(self.nodes))
-        ):
-            raise BadInput("nodes", str(self.nodes), f"an ordering of {sorted(map(str, known))}")
+        if self.nodes is not None and Counter(self.nodes) != Counter(names):
+            raise BadInput("nodes", str(self.nodes), f"an ordering of {sorted(map(str, names))}")
         self._check_joined()
         self._check_lengths()
         slaved = [node for body in self.bodies for node in body.nodes]
@@ -71,15 +72,16 @@ class RotorModel(Part):
     def _check_joined(self):
         """A node that stands in one place only is most likely a slip of the pen."""
 
-        def nodes(*fields):
-            return [n for name in fields for part in getattr(self, name) for n in nodes_of(part)]
+        def nodes(first, second):
+            parts = (*getattr(self, first), *getattr(self, second))
+            return list(chain.from_iterable(map(nodes_of, parts)))
 
         solid = {*nodes("shafts", "bodies"), None}
         inertias = {*nodes("disks", "masses")}
         ends = nodes("links", "magnetic_pulls")
         loose = inertias - solid - {*ends}
         hanging = {node for node in ends if ends.count(node) == 1} - solid - inertias
-        for name, alone, others in (
+        for name, unjoined, joints in (
             ("disks", loose, "shaft, link or body"),
             ("masses", loose, "shaft, link or body"),
             ("links", hanging, "shaft, disk, mass, body or another link"),
@@ -87,21 +89,21 @@ class RotorModel(Part):
         ):
             for number, part in enumerate(getattr(self, name)):
                 for node in nodes_of(part):
-                    if node in alone:
-                        raise BadInput(f"{name}.{number}.nodes", node, f"a node of a {others}")
+                    if node in unjoined:
+                        raise BadInput(f"{name}.{number}.nodes", node, f"a node of a {joints}")
 
     def _check_lengths(self):
         """Elements between the same two nodes have one length, and one direction."""
-        known: dict = {}
+        lengths: dict = {}
         for number, shaft in enumerate(self.shafts):
             if is_traced(shaft.length):
                 continue
             for (a, b), length in zip(shaft.pairs, np.asarray(shaft.length), strict=True):
                 # Numbers and words have no order but that of text; turned round, an element leads back.
                 key, length = ((a, b), length) if str(a) <= str(b) else ((b, a), -length)
-                other = known.setdefault(key, length)
-                if abs(length - other) > 1e-6 * abs(other):
-                    bound = f"{abs(other):.6g} m from the first to the second node, as in"
+                first_length = lengths.setdefault(key, length)
+                if abs(length - first_length) > 1e-6 * abs(first_length):
+                    bound = f"{abs(first_length):.6g} m from the first to the second node, as in"
                     bound += f" another element between {key[0]} and {key[1]}"
                     raise BadInput(f"shafts.{number}.length", length, bound)
 
@@ -132,17 +134,24 @@ def node_positions(model: RotorModel) -> dict[Node, np.ndarray]:
         pairs = [(body.centre, node) for node in body.nodes]
         joints += zip(pairs, np.asarray(body.arm), strict=True)
     pairs = [link.nodes for link in model.links]
-    pairs += [pair for pull in model.magnetic_pulls for pair in pull.nodes]
+    for pull in model.magnetic_pulls:
+        pairs += pull.nodes
     joints += [(pair, np.zeros(3)) for pair in pairs if pair[1] is not None]
-    return {node: at for group in _joined(model, joints) for node, at in group.items()}
+    positions = {}
+    for group in _joined(model, joints):
+        positions |= group
+    return positions
 
 
 def subsets(model: RotorModel) -> tuple[tuple[Node, ...], ...]:
     """Nodes that shafts or bodies hold together, such as rotor, crankcase and housing."""
-    joints = [(pair, 0.0) for shaft in model.shafts for pair in shaft.pairs]
-    joints += [((body.centre, node), 0.0) for body in model.bodies for node in body.nodes]
+    pairs = list(chain.from_iterable(shaft.pairs for shaft in model.shafts))
+    for body in model.bodies:
+        pairs += [(body.centre, node) for node in body.nodes]
     names = node_names(model)
-    return tuple(tuple(n for n in names if n in group) for group in _joined(model, joints))
+    # places are of no interest here: every joint is a step of zero
+    groups = _joined(model, [(pair, 0.0) for pair in pairs])
+    return tuple(tuple(filter(group.__contains__, names)) for group in groups)
 
 
 def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
@@ -158,18 +167,18 @@ def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
         places = {start: np.zeros(3)}
         waiting = [start]
         while waiting:
-            here = waiting.pop(0)
-            for there, step in steps[here]:
-                if there not in places:
-                    places[there] = places[here] + step
-                    waiting.append(there)
+            reached = waiting.pop(0)
+            for neighbour, step in steps[reached]:
+                if neighbour not in places:
+                    places[neighbour] = places[reached] + step
+                    waiting.append(neighbour)
         groups.append(places)
     return groups
 
 
 def subset_names(model: RotorModel) -> tuple[str, ...]:
     """Words for the subsets: the centre of a body, "rotor" for what spins, else the first node."""
-    spinning = {n for shaft in model.shafts if shaft.spins for n in nodes_of(shaft)}
+    spinning = set(chain.from_iterable(nodes_of(shaft) for shaft in model.shafts if shaft.spins))
     centres = [body.centre for body in model.bodies]
     names = []
     for group in subsets(model):
@@ -237,12 +246,12 @@ class BalancingPlanes(Part):
     speeds: Array = quantity("rad/s", POSITIVE, shape=(None,), usual=(0.5, 1e4))
 
     def __check_init__(self):
-        for what in ("planes", "targets"):
-            names = [one.name for one in getattr(self, what)]
+        for field in ("planes", "targets"):
+            names = [plane.name for plane in getattr(self, field)]
             if not names:
-                raise BadInput(what, "empty", f"at least one of the {what}")
+                raise BadInput(field, "empty", f"at least one of the {field}")
             if len(set(names)) != len(names):
-                raise BadInput(what, str(names), "of different names")
+                raise BadInput(field, str(names), "of different names")
 
     def check_beside(self, parts) -> None:
         """Whether the rotor of the same file has the nodes and axes.

@@ -61,14 +61,17 @@ def matrices(
 def _matrices(model, spin_speed, with_links) -> Matrices:
     system = bare(model)
     layout = system.layout
-    n, dof, (i, j), terms = layout.n, layout.dof, layout.pairs.T, system.inertia.shape[-1]
+    n = layout.n
+    dof = layout.dof
+    i, j = layout.pairs.T
+    terms = system.inertia.shape[-1]
     ends = system.elements.reshape(-1, 2, 2, 2, 2, terms)
     blocks = jnp.moveaxis(ends, 3, 2).reshape(-1, 2, 2, terms)  # four an element
-    own = np.arange(n) * (n + 1)
+    diagonal = np.arange(n) * (n + 1)
     at = np.stack([i * n + i, i * n + j, j * n + i, j * n + j], -1).reshape(-1)
     # Added up, because elements between the same nodes act in parallel.
     blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
-    blocks = add(blocks, own, system.inertia).reshape(n, n, 2, 2, terms)
+    blocks = add(blocks, diagonal, system.inertia).reshape(n, n, 2, 2, terms)
     planes = _PLANES[:terms, : dof // 2, : dof // 2]
     k, m, g = (
         jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
@@ -98,7 +101,8 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
 # Which planes the terms of a `System` belong to; the polar inertia couples x and y.
 _PLANES = np.zeros((5, 3, 3))
 _PLANES[:2, :2, :2] = np.eye(2)
-_PLANES[2, 0, 1], _PLANES[2, 1, 0] = 1.0, -1.0
+_PLANES[2, 0, 1] = 1.0
+_PLANES[2, 1, 0] = -1.0
 _PLANES[3:, 2, 2] = 1.0
 _STIFFNESS = np.array([0, 3])
 _INERTIA = np.array([1, 4])
@@ -179,21 +183,21 @@ def undamped_modes(
 def _undamped(model, count, spin_speed, free) -> Modes:
     system = bare(model)
     full = matrices(system, spin_speed, with_links=not free)
-    found = _found(system, full, count, spin_speed, free)
-    return Modes(marked(system, found.square), found.shape)
+    modes = _undamped_modes(system, full, count, spin_speed, free)
+    return Modes(marked(system, modes.square), modes.shape)
 
 
-def _found(system, full, count, spin_speed, free) -> Modes:
+def _undamped_modes(system, full, count, spin_speed, free) -> Modes:
     mu, x = pencil((full.stiffness + full.stiffness.T) / 2, full.mass)
     # From x^T M x = mu to unit modal mass.
     x = x[:, :count] / jnp.sqrt(mu[:count])
     shape = (full.expand @ x).T.reshape(-1, system.layout.n, system.dof)
-    none = jnp.zeros((0, system.dof, system.dof))
-    still = jnp.zeros(())
+    no_links = jnp.zeros((0, system.dof, system.dof))
+    zero = jnp.zeros(())
     if free:
-        z = Operator(system, none, none, still, spin_speed)
+        z = Operator(system, no_links, no_links, zero, spin_speed)
     else:
-        z = operator_at(system, spin_speed, still)
+        z = operator_at(system, spin_speed, zero)
 
     def energy(u):
         force = elastic_force(z, u, False)
@@ -214,7 +218,7 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
         raise BadInput("damping.ratio", ratio, f"at most one value for each of {layout.size} modes")
     full = matrices(system)
     active = np.flatnonzero(layout.active)
-    modes = _found(system, full, ratio.shape[0], jnp.zeros(()), False)
+    modes = _undamped_modes(system, full, ratio.shape[0], jnp.zeros(()), False)
     motion = modes.shape.reshape(ratio.shape[0], -1)[:, active]
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (motion @ full.mass)
     out = jnp.zeros((ratio.shape[0], layout.n * layout.dof)).at[:, active].set(vectors)
@@ -261,12 +265,12 @@ def mode_derivatives(
 
 @kept_jit
 def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
-    numbers, rest = eqx.partition(model, eqx.is_inexact_array)
+    numbers, constants = eqx.partition(model, eqx.is_inexact_array)
     tangent = eqx.filter(direction, eqx.is_inexact_array)
 
     def system(t):
         moved = jax.tree.map(lambda a, b: a + t * b, numbers, tangent)
-        full = matrices(eqx.combine(moved, rest), 0.0, with_links=not free)
+        full = matrices(eqx.combine(moved, constants), 0.0, with_links=not free)
         return (full.stiffness + full.stiffness.T) / 2, full.mass, full.expand
 
     first = lambda t: jax.jvp(system, (t,), (jnp.ones_like(t),))[1]  # noqa: E731
@@ -291,9 +295,9 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     x = x @ turn
     rate = jnp.einsum("im,ij,jm->m", x, dk, x) - value * jnp.einsum("im,ij,jm->m", x, dm, x)
 
-    def outside(v, lam, dlam, own):
+    def outside(v, lam, dlam, members):
         """The part of x' that is M-orthogonal to the cluster, from a bordered system."""
-        span = x * own
+        span = x * members
         # Singular along the cluster; the product fills these directions and no others.
         matrix = k - lam * m + (m @ span) @ (m @ span).T * (1 + jnp.abs(lam))
         rhs = -(dk - lam * dm - dlam * m) @ v
@@ -345,5 +349,5 @@ def _limit(model, spin_speed):
     # By difference, so that the pull has gone through bodies and held links as the stiffness has.
     k0 = matrices(without, spin_speed).stiffness
     k = matrices(model, spin_speed).stiffness
-    k0, pull = (k0 + k0.T) / 2, (k0 - k + (k0 - k).T) / 2
-    return 1 / definite_pencil(k0, pull)[0][-1]
+    pull = (k0 - k + (k0 - k).T) / 2
+    return 1 / definite_pencil((k0 + k0.T) / 2, pull)[0][-1]

@@ -27,12 +27,13 @@ def size_of(model: RotorModel, free: bool = False) -> dict[str, Any]:
         free: hanging free, a rotor has no bearings that could hold it against the magnetic pull.
     """
     groups = zip(subset_names(model), subsets(model), strict=True)
+    limit = None
+    if model.magnetic_pulls and not free:
+        limit = float(magnetic_pull_limit(model))
     return {
         "degrees_of_freedom": model.dof,
-        "subsets": {name: [str(node) for node in group] for name, group in groups},
-        "magnetic_pull_limit": None
-        if free or not model.magnetic_pulls
-        else float(magnetic_pull_limit(model)),
+        "subsets": {name: list(map(str, group)) for name, group in groups},
+        "magnetic_pull_limit": limit,
     }
 
 
@@ -112,13 +113,14 @@ class RotorModes(Result):
         """
         names = node_names(self.model)
         words = subset_names(self.model)
-        groups = [np.array([names.index(n) for n in group]) for group in subsets(self.model)]
+        groups = [list(map(names.index, group)) for group in subsets(self.model)]
         size = np.abs(np.asarray(self.modes[place].shape))[..., :2].max(-1)
+        largest = np.stack([size[:, group].max(-1) for group in groups], -1)
+        # what a model with few modes lacks is not a number, and moves nothing
+        exists = np.all(np.isfinite(size), -1)
         return [
-            words[int(np.argmax([mode[g].max() for g in groups]))]
-            if np.all(np.isfinite(mode))
-            else ""
-            for mode in size
+            words[number] if mode_exists else ""
+            for number, mode_exists in zip(largest.argmax(-1), exists, strict=True)
         ]
 
     def listed(self, place: int) -> list[dict[str, Any]]:
@@ -140,23 +142,24 @@ class RotorModes(Result):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each speed and mode."""
         units = {"frequency": "rad/s", "damping_ratio": "", "whirl": ""}
-        found = [
-            (speed, number, *(mode[name] for name in units))
-            for place, speed in enumerate(np.asarray(self.speeds).tolist())
-            for number, mode in enumerate(self.listed(place), 1)
-        ]
+        rows = []
+        for place, speed in enumerate(np.asarray(self.speeds).tolist()):
+            for number, mode in enumerate(self.listed(place), 1):
+                rows.append((speed, number, *map(mode.get, units)))
         units = {"speed": "rad/s", "mode": "", **units}
-        columns = [*zip(*found, strict=True)] or [()] * len(units)
+        columns = [*zip(*rows, strict=True)] or [()] * len(units)
         for (name, unit), column in zip(units.items(), columns, strict=True):
             yield Data(name, unit, np.array(column), self.table_dims)
 
     def nested(self) -> dict[str, Any]:
         """Modes at each speed, whether they are stable, and the Campbell diagram."""
-        return {
+        entries = {
             **size_of(self.model, self.free),
             **fields_of(self, "speeds", "free", "damping"),
             "modes": [self.listed(place) for place in range(len(self.modes))],
-            "stable": [bool(one.stable) for one in self.modes],
-            "growth": [one.growth for one in self.modes],
-            **({} if self.campbell is None else {"campbell": self.campbell}),
+            "stable": [bool(modes.stable) for modes in self.modes],
+            "growth": [modes.growth for modes in self.modes],
         }
+        if self.campbell is not None:
+            entries["campbell"] = self.campbell
+        return entries

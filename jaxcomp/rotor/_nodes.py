@@ -1,5 +1,6 @@
 """Nodes of a model, which exist by being mentioned."""
 
+from itertools import chain
 from typing import Any, Protocol, runtime_checkable
 
 from .._core.errors import BadInput
@@ -52,12 +53,16 @@ def check_nodes(model: WithNodes, nodes: Node | tuple[Node | None, ...] | None, 
 
 def nodes_of(part) -> list[Any]:
     """The nodes of one table, body or link, `None` for the ground."""
-    own = [n for entry in part.nodes for n in (entry if isinstance(entry, tuple) else (entry,))]
-    return [part.centre, *own] if isinstance(part, RigidBody) else own
+    nodes = [part.centre] if isinstance(part, RigidBody) else []
+    for entry in part.nodes:
+        # tables and links have pairs, or single nodes
+        nodes += entry if isinstance(entry, tuple) else (entry,)
+    return nodes
 
 
 def mentioned(model: Any) -> tuple[Node, ...]:
     """The nodes of all tables, links and bodies of a model, in that order."""
     tables = (*model.shafts, *model.disks, *model.masses)
     parts = (*tables, *model.links, *model.magnetic_pulls, *model.bodies)
-    return tuple(dict.fromkeys(n for part in parts for n in nodes_of(part) if n is not None))
+    nodes = chain.from_iterable(map(nodes_of, parts))
+    return tuple(dict.fromkeys(node for node in nodes if node is not None))

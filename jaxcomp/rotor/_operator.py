@@ -40,9 +40,12 @@ class Operator(NamedTuple):
     @property
     def bodies(self) -> Complex[Array, "b dof dof"]:
         """-w^2 M + i w (alpha M + W G) of the bodies."""
-        w, (mass, gyro) = self.frequency, jnp.moveaxis(self.system.bodies, 1, 0)
-        damping = self.system.damping
-        inert = -(w**2) + (0.0 if damping is None else 1j * w * damping[0])
+        w = self.frequency
+        mass, gyro = jnp.moveaxis(self.system.bodies, 1, 0)
+        inert = -(w**2)
+        if self.system.damping is not None:
+            alpha, _ = self.system.damping
+            inert = inert + 1j * w * alpha
         return inert * mass + 1j * w * self.spin_speed * gyro
 
     @property
@@ -65,7 +68,8 @@ class Operator(NamedTuple):
         if self.system.dof == 4:
             return terms[:, None] * lateral
         share = np.zeros((5, 3))
-        share[:3, :2], share[3:, 2] = lateral, 1.0
+        share[:3, :2] = lateral
+        share[3:, 2] = 1.0
         return take(terms, np.array([0, 1, 2, 0, 1]))[:, None] * share
 
 
@@ -81,6 +85,7 @@ def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Comple
     """Z x, or Z^T x."""
     system = z.system
     active = jnp.asarray(z.system.layout.moving)
+    # coordinates that do not move have the identity, see `Operator`
     inside = follow(system, jnp.where(active, x, 0.0))
     f = collect(system, _node_forces(z, inside, transpose))
     if system.modal is not None:
@@ -100,9 +105,9 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2"], transpose: bool):
     f = add_links(layout, elastic_force(z, x, transpose), links, x)
     if not len(bodies):
         return f
-    own = take(x, layout.centres).reshape(-1, layout.dof)
-    own = jnp.einsum("bij,bj->bi", bodies, own).reshape(-1, *x.shape[1:])
-    return add(f, layout.centres, own)
+    of_bodies = take(x, layout.centres).reshape(-1, layout.dof)
+    of_bodies = jnp.einsum("bij,bj->bi", bodies, of_bodies).reshape(-1, *x.shape[1:])
+    return add(f, layout.centres, of_bodies)
 
 
 def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
@@ -156,20 +161,23 @@ def scale(z: Operator) -> Float[Array, "n p 2"]:
     dof = system.dof
     square = w**2
     node = jnp.einsum("niiq->niq", system.inertia)
-    own = jnp.einsum("eiiq->eiq", system.elements).reshape(-1, 2, 2, node.shape[-1])
-    node = add(node, layout.pairs, own)
+    of_elements = jnp.einsum("eiiq->eiq", system.elements).reshape(-1, 2, 2, node.shape[-1])
+    node = add(node, layout.pairs, of_elements)
     lateral = node[..., 0] + square * node[..., 1]
-    planes = [lateral, lateral] + ([node[..., 3] + square * node[..., 4]] if dof == 6 else [])
+    planes = [lateral, lateral]
+    if dof == 6:
+        planes.append(node[..., 3] + square * node[..., 4])
     out = jnp.stack(planes, 1)
-    own = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
-    out = add(out, layout.links, jnp.stack([own, own], 1).reshape(-1, 2, *out.shape[1:]))
-    if not layout.own.all():
+    of_links = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
+    of_links = jnp.stack([of_links, of_links], 1)
+    out = add(out, layout.links, of_links.reshape(-1, 2, *out.shape[1:]))
+    if not layout.free.all():
         node, master = layout.ties.nodes
         # The diagonal of A^T D A.
         moved = jnp.einsum("sij,si->sj", system.arms**2, take(out, node).reshape(-1, dof))
         out = add(out, master, moved.reshape(-1, *out.shape[1:]))
-    own = square * jnp.einsum("bii->bi", system.bodies[:, 0])
-    out = add(out, layout.centres, own.reshape(-1, *out.shape[1:]))
+    of_bodies = square * jnp.einsum("bii->bi", system.bodies[:, 0])
+    out = add(out, layout.centres, of_bodies.reshape(-1, *out.shape[1:]))
     return jnp.where(jnp.asarray(layout.moving) & (out > 0), out, 1.0)
 
 
@@ -197,9 +205,9 @@ def reactions(
     # Only bodies collect here: the forces on lost coordinates are what the conditions have to hold.
     free = np.ones((layout.n, 1, 1))
     free[nodes[0]] = 0.0
-    left = collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
+    unbalanced = collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
     lost = np.array([hold.node * dof + hold.coordinate for hold in holds])
-    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(left, lost)
+    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(unbalanced, lost)
     at = np.array([hold.link * dof + hold.coordinate for hold in holds])
     out = jnp.zeros(len(system.model.links) * dof, complex)
     return add(out, at, held).reshape(-1, dof)

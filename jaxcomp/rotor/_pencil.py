@@ -24,7 +24,8 @@ def eigh(a: Float[Array, "n n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"
 
 @eigh.defjvp
 def _eigh_jvp(primals, tangents):
-    (a,), (da,) = primals, tangents
+    (a,) = primals
+    (da,) = tangents
     values, vectors = eigh(a)
     gap = values[None, :] - values[:, None]
     same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))

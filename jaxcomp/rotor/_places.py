@@ -31,7 +31,7 @@ class Places(NamedTuple):
 def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     """Bring the matrices of elements (e, 4, 4, .) and nodes (n, 2, 2, .) to their places."""
     b = len(layout.border)
-    s = layout.last.shape[1]
+    s = layout.last_nodes.shape[1]
     terms = inertia.shape[-1]
     m, c = layout.segment.shape
     blocks = elements.reshape(-1, 2, 2, 2, 2, terms)  # (e, end, component, end, component, .)
@@ -44,12 +44,12 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     off = off.reshape(-1, 4, terms)
     zero = lambda rows: jnp.zeros((rows, 4, terms))  # noqa: E731
     at = kind == BORDER
-    own = np.arange(b) * (b + 1)
-    one = first[at] * b + second[at]
-    two = second[at] * b + first[at]
+    diagonal_rows = np.arange(b) * (b + 1)
+    forth = first[at] * b + second[at]
+    back = second[at] * b + first[at]
     joined = take(off, np.flatnonzero(at))
     values = jnp.concatenate([take(diagonal, layout.border), joined, joined[:, TURNED]])
-    border = add(zero(b * b), np.concatenate([own, one, two]), values)
+    border = add(zero(b * b), np.concatenate([diagonal_rows, forth, back]), values)
 
     def place(which):
         rows = np.flatnonzero(kind == which)

@@ -203,8 +203,8 @@ def respond(
     _check(model, None, spin_speeds=spin_speeds)
     keep = None if nodes is None else tuple(node_index(model, node) for node in nodes)
     names = tuple(map(str, node_names(model) if nodes is None else nodes))
-    found = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
-    return dataclasses.replace(found, nodes=names)
+    response = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
+    return dataclasses.replace(response, nodes=names)
 
 
 def receptance(
@@ -258,8 +258,8 @@ def relative_displacement(
         first: the node that is looked at.
         second: the node it is seen from.
     """
-    x, (a, b) = response.displacement, (node_index(model, node) for node in (first, second))
-    return x[..., a, :] - x[..., b, :]
+    x = response.displacement
+    return x[..., node_index(model, first), :] - x[..., node_index(model, second), :]
 
 
 @kept_jit
@@ -272,14 +272,14 @@ def _harmonic(model, force, spin_speed, frequency, solver):
 def _transmitted(model, response):
     system = bare(model)
 
-    def one(x, w, spin):
+    def forces_of_links(x, w, spin):
         z = operator_at(system, spin, w)
         push = link_force(system.layout, z.links, to_planes(x, system.dof))
         return from_planes(push.reshape(-1, system.dof // 2, 2), system.dof)
 
     for _ in range(response.frequency.ndim):
-        one = jax.vmap(one)
-    push = one(response.displacement, response.frequency, response.spin_speed)
+        forces_of_links = jax.vmap(forces_of_links)
+    push = forces_of_links(response.displacement, response.frequency, response.spin_speed)
     if response.held is None:
         return push
     return push.at[..., : len(system.model.links), :].add(response.held)
@@ -307,8 +307,8 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
         # Filled up to whole batches, because a remainder would be a second program to compile.
         fill = -count % batch_size
         full = jnp.concatenate([spin_speeds, jnp.full(fill, spin_speeds[-1])])
-        again = jax.checkpoint(at_speed, policy=_keep_motion)
-        out = jax.lax.map(again, full, batch_size=batch_size)
+        recomputed = jax.checkpoint(at_speed, policy=_keep_motion)
+        out = jax.lax.map(recomputed, full, batch_size=batch_size)
     return jax.tree.map(lambda a: jnp.swapaxes(a[:count], 0, 1), out)
 
 
@@ -334,6 +334,7 @@ def _answer(z, solve, force) -> Response:
 @kept_jit
 def _receptance(model, inputs, outputs, spin_speed, frequency, solver):
     z = operator_at(prepare(model), spin_speed, frequency)
+    # outside of `vmap`, so that the factors are computed once for all loads
     solve = make_solver(z, solver)
     columns = jax.vmap(lambda force: _answer(z, solve, force).displacement)(inputs)
     return jnp.einsum("ond,ind->oi", outputs, columns)

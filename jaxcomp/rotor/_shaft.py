@@ -145,9 +145,9 @@ class ShaftElements(Part):
             raise BadInput("shear_law", self.shear_law, f"one of {SHEAR_LAWS}")
         if self.shear_law == "constant" and self.shear_constant is None:
             raise BadInput("shear_constant", "absent", "given with shear_law = 'constant'")
-        for left, right in self.pairs:
-            if left == right:
-                raise BadInput("nodes", str((left, right)), "two different nodes an element")
+        for first, second in self.pairs:
+            if first == second:
+                raise BadInput("nodes", str((first, second)), "two different nodes an element")
 
     @property
     def pairs(self) -> tuple[tuple[Node, Node], ...]:
@@ -205,11 +205,13 @@ def shaft_mass(shaft: ShaftElements) -> Float[Array, " n"]:
 
 def shaft_polar_inertia(shaft: ShaftElements) -> Float[Array, " n"]:
     """[kg m^2] Inertia of each element about the axis, exact for cones as well."""
-    fourth = [
-        sum(a ** (4 - k) * b**k for k in range(5)) / 5
-        for a, b in zip(*end_diameters(shaft), strict=True)
-    ]
-    return shaft.density * jnp.pi / 32 * (fourth[0] - fourth[1]) * shaft.length
+    (outer, inner), (outer_end, inner_end) = end_diameters(shaft)
+
+    def mean_fourth_power(a, b):
+        return sum(a ** (4 - k) * b**k for k in range(5)) / 5
+
+    fourth = mean_fourth_power(outer, outer_end) - mean_fourth_power(inner, inner_end)
+    return shaft.density * jnp.pi / 32 * fourth * shaft.length
 
 
 def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
@@ -221,18 +223,18 @@ def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
     kinds: dict[tuple, list[int]] = {}
     for number, shaft in enumerate(shafts):
         kinds.setdefault((shaft.theory, shaft.shear_law, shaft.spins), []).append(number)
-    found = []
+    of_kinds = []
     places = []
     for kind, numbers in kinds.items():
         columns = zip(*(_columns(shafts[number]) for number in numbers), strict=True)
-        one = lambda *args, kind=kind: _element(*kind, *args)  # noqa: E731
-        found.append(jax.vmap(one)(*(jnp.concatenate(column) for column in columns)))
+        of_kind = lambda *args, kind=kind: _element(*kind, *args)  # noqa: E731
+        of_kinds.append(jax.vmap(of_kind)(*(jnp.concatenate(column) for column in columns)))
         places += [np.arange(first[number], first[number + 1]) for number in numbers]
-    whole = jax.tree.map(lambda *x: jnp.concatenate(x), *found)
+    joined = jax.tree.map(lambda *x: jnp.concatenate(x), *of_kinds)
     if len(kinds) == 1:
-        return whole
+        return joined
     order = np.argsort(np.concatenate(places))
-    return jax.tree.map(lambda x: x[order], whole)
+    return jax.tree.map(lambda x: x[order], joined)
 
 
 def deformation(length: Float[Array, ""]) -> Float[Array, "2 4"]:
@@ -246,9 +248,18 @@ _LENGTH_SHAPE = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, -0.5]])
 
 def _columns(shaft):
     outer, inner = (jnp.stack(ends, -1) for ends in zip(*end_diameters(shaft), strict=True))
-    constant = jnp.ones_like(shaft.length) if shaft.shear_constant is None else shaft.shear_constant
-    sizes = shaft.length, outer, inner
-    return *sizes, shaft.young_modulus, shaft.density, shaft.poisson, constant
+    constant = shaft.shear_constant
+    if constant is None:
+        constant = jnp.ones_like(shaft.length)
+    return (
+        shaft.length,
+        outer,
+        inner,
+        shaft.young_modulus,
+        shaft.density,
+        shaft.poisson,
+        constant,
+    )
 
 
 def _element(theory, shear_law, spins, length, outer, inner, young, density, poisson, constant):
@@ -261,6 +272,7 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
         slack = 1 / (kappa * shear * a) if theory == "timoshenko" else jnp.zeros_like(a)
         return a, i, 1 / (young * i), slack
 
+    # Flexibilities from the middle of the element, where bending and shear of a uniform one uncouple.
     s, w = jnp.asarray(_POINTS), length * jnp.asarray(_WEIGHTS)
     a, i, bend, slack = section(s)
     z = length * (s - 0.5)
@@ -276,17 +288,18 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     r, v = s[:, None] * s[None, :], s[:, None] * w[None, :]  # points and weights of (0, s)
     _, _, bend_r, slack_r = section(r)
     x = length * r
-    rest = length * (s[:, None] - r)
+    beyond = length * (s[:, None] - r)
     turn = jnp.sum(v * bend_r, 1)[:, None] * start - jnp.sum(v * bend_r * x, 1)[:, None] * force
-    sag = jnp.sum(v * rest * bend_r, 1)[:, None] * start
+    sag = jnp.sum(v * beyond * bend_r, 1)[:, None] * start
     # Shear adds Q/(kappa G A) to the slope of the axis and nothing to the rotation phi.
-    sag += jnp.sum(v * (slack_r - rest * x * bend_r), 1)[:, None] * force
+    sag += jnp.sum(v * (slack_r - beyond * x * bend_r), 1)[:, None] * force
     phi = jnp.array([0.0, 1.0, 0.0, 0.0]) + turn
     u = jnp.array([1.0, 0.0, 0.0, 0.0]) + length * s[:, None] * jnp.array([0.0, 1, 0, 0]) + sag
     rotary = jnp.einsum("q,qi,qj->ij", w * density * i, phi, phi)
     if theory == "euler-bernoulli":
         rotary = jnp.zeros_like(rotary)
     mass = jnp.einsum("q,qi,qj->ij", w * density * a, u, u) + rotary
+    # of a circle the polar second moment is twice that about a diameter
     polar = 2 * rotary if spins else jnp.zeros_like(rotary)
 
     stretch = 1 / (young * a)

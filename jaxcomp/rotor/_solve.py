@@ -38,7 +38,7 @@ _STEPS = 3
 
 
 class Solution(NamedTuple):
-    """Answer, and what it can be judged by.
+    """Motion, with the figures that tell how far it can be relied on.
 
     Attributes:
         x: [m], [rad] (n, planes, 2), slaved nodes not yet filled in.
@@ -69,8 +69,10 @@ def make_solver(z: Operator, solver: Solver = "structured"):
     if solver == "dense" or z.system.modal is not None:
         base = _dense_solver(frozen, weight)
     else:
-        layout, factor = z.system.layout, factorise(frozen)
-        base = lambda b, transpose: solve_factored(layout, factor, b, transpose=transpose)  # noqa: E731
+        factor = factorise(frozen)
+
+        def base(b, transpose):
+            return solve_factored(z.system.layout, factor, b, transpose=transpose)
 
     def refined(b, transpose):
         def step(state):
@@ -79,13 +81,13 @@ def make_solver(z: Operator, solver: Solver = "structured"):
             x = x + change
             return x, _ratio(_size(weight * change), _size(weight * x)), count + 1
 
-        def more(state):
+        def goes_on(state):
             _, correction, count = state
             return (correction > _SMALL_CORRECTION) & (count < _STEPS)
 
         # From zero, so that the first step is the plain solution and the later ones refine it.
         start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
-        return jax.lax.while_loop(more, step, start)[:2]
+        return jax.lax.while_loop(goes_on, step, start)[:2]
 
     def forward(_, b):
         x, correction = refined(_complex(b), False)
@@ -106,9 +108,9 @@ def make_solver(z: Operator, solver: Solver = "structured"):
             has_aux=True,
         )
         x = _complex(x)
-        correction, seen, given = jax.lax.stop_gradient((correction, x, load))
-        amplification = _ratio(_size(weight * seen), _size(given / weight))
-        status = _status(seen, correction, amplification)
+        correction, motion, load_value = jax.lax.stop_gradient((correction, x, load))
+        amplification = _ratio(_size(weight * motion), _size(load_value / weight))
+        status = _status(motion, correction, amplification)
         outside = jnp.logical_not(z.system.admissible) & (status != NOT_FINITE)
         status = jnp.where(outside, OUT_OF_BOUNDS, status)
         return Solution(x, correction, amplification, status)
@@ -153,6 +155,7 @@ def _frozen(leaf):
 
 
 def _dense_solver(z, weight):
+    # of a unit diagonal, as the structured solver has its border
     d = 1 / weight.reshape(-1)
     lu = lu_factor(d[:, None] * dense(z) * d)
 

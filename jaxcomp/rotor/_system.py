@@ -110,13 +110,13 @@ def marked(system: System, values: Array) -> Array:
 
 def released(model: RotorModel | System) -> RotorModel | System:
     """The model without what pinned and clamped links hold."""
-    whole = model.model if isinstance(model, System) else model
-    if not any(link.held for link in whole.links):
+    rotor = model.model if isinstance(model, System) else model
+    if not any(link.held for link in rotor.links):
         return model
     loose = lambda axes: diagonal(*jnp.zeros((2, len(axes))))  # noqa: E731
     # As links without stiffness, so that their nodes and the numbers of the others stay.
-    links = (Link(n.nodes, loose(n.axes), n.axes) if n.held else n for n in whole.links)
-    return dataclasses.replace(whole, links=tuple(links))
+    links = (Link(n.nodes, loose(n.axes), n.axes) if n.held else n for n in rotor.links)
+    return dataclasses.replace(rotor, links=tuple(links))
 
 
 def undamped(system: System) -> System:
@@ -160,19 +160,20 @@ def link_matrices(
     used = 0
     order, signs = coordinates(dof)
     for link, (k, c) in zip(system.model.links, _laws(system.model.links, spin_speed), strict=True):
-        own, there = axis_numbers(dof, link.axes)
+        in_law, in_node = axis_numbers(dof, link.axes)
         place = np.full((dof, dof), -1)
         size = len(link.axes)
-        place[np.ix_(there, there)] = (
-            used + np.arange(size**2).reshape(size, size)[np.ix_(own, own)]
-        )
+        entries = used + np.arange(size**2).reshape(size, size)
+        # a law may have axes that nodes of 4 degrees of freedom lack
+        place[np.ix_(in_node, in_node)] = entries[np.ix_(in_law, in_law)]
         values.append(jnp.stack([k, c]).reshape(2, -1))
         places.append(place[order[:, None], order])
         used += size**2
     # One gather for all links, whose last value is the zero of the places that no law fills.
     table = jnp.concatenate([*values, jnp.zeros((2, 1))], 1)
     at = np.array(places, int).reshape(-1, dof, dof)
-    both = take(table.T, np.where(at < 0, used, at)) * (signs[:, None] * signs)[..., None]
+    coefficients = take(table.T, np.where(at < 0, used, at))
+    coefficients = coefficients * (signs[:, None] * signs)[..., None]
     lateral = np.zeros((dof, dof, 2))
     # u_x and u_y are the coordinates 0 and 2; a pull has no damping.
     lateral[[0, 2], [0, 2], 0] = 1.0
@@ -180,8 +181,8 @@ def link_matrices(
         magnetic_pull_stiffness(p)[:, None, None, None] * lateral
         for p in system.model.magnetic_pulls
     ]
-    both = jnp.concatenate([both, *pulls])
-    return both[..., 0], both[..., 1]
+    coefficients = jnp.concatenate([coefficients, *pulls])
+    return coefficients[..., 0], coefficients[..., 1]
 
 
 def _laws(links, spin_speed):
@@ -190,48 +191,45 @@ def _laws(links, spin_speed):
     for number, link in enumerate(links):
         if link.held:
             continue
-        arrays, rest = eqx.partition(link.law, eqx.is_array)
+        arrays, static = eqx.partition(link.law, eqx.is_array)
         shapes = tuple(a.shape for a in jax.tree.leaves(arrays))
-        kinds.setdefault((jax.tree.structure(arrays), shapes), []).append((number, arrays, rest))
-    found: list = [(np.zeros((len(link.axes),) * 2),) * 2 for link in links]
+        kinds.setdefault((jax.tree.structure(arrays), shapes), []).append((number, arrays, static))
+    coefficients: list = [(np.zeros((len(link.axes),) * 2),) * 2 for link in links]
     for alike in kinds.values():
-        numbers, arrays, rests = zip(*alike, strict=True)
-        if (
-            # What is neither array nor static may differ from law to law, and cannot be stacked.
-            len(alike) == 1
-            or not jax.tree.leaves(arrays[0])
-            or any(jax.tree.leaves(r) for r in rests)
-        ):
+        numbers, arrays, statics = zip(*alike, strict=True)
+        # What is neither array nor static may differ from law to law, and cannot be stacked.
+        differs = any(map(jax.tree.leaves, statics))
+        if len(alike) == 1 or not jax.tree.leaves(arrays[0]) or differs:
             for number in numbers:
-                found[number] = links[number].law.coefficients(spin_speed)
+                coefficients[number] = links[number].law.coefficients(spin_speed)
             continue
         stacked = jax.tree.map(lambda *a: jnp.stack(a), *arrays)
-        law = lambda a, rest=rests[0]: eqx.combine(a, rest).coefficients(spin_speed)  # noqa: E731
+        law = lambda a, static=statics[0]: eqx.combine(a, static).coefficients(spin_speed)  # noqa: E731
         for number, k, c in zip(numbers, *jax.vmap(law)(stacked), strict=True):
-            found[number] = k, c
-    return found
+            coefficients[number] = k, c
+    return coefficients
 
 
 def follow(system: System, x: Array) -> Array:
     """Motion with the slaved nodes put where their bodies take them."""
     layout = system.layout
     shape = x.shape[1:]
-    if layout.own.all():
+    if layout.free.all():
         return x
     node, master = layout.ties.nodes
     leading = take(x, master).reshape(-1, layout.dof)
     moved = jnp.einsum("sij,sj->si", system.arms, leading).reshape(-1, *shape)
-    return add(x * layout.own, node, moved)
+    return add(x * layout.free, node, moved)
 
 
 def collect(system: System, f: Array) -> Array:
     """Forces with those on following coordinates moved to what they follow (transpose of `follow`)."""
-    if system.layout.own.all():
+    if system.layout.free.all():
         return f
-    return collected(f, system.layout.own, *system.layout.ties.nodes, system.arms)
+    return collected(f, system.layout.free, *system.layout.ties.nodes, system.arms)
 
 
-def collected(f, own, node, master, arms):
+def collected(f, free, node, master, arms):
     at = take(f, node).reshape(len(node), arms.shape[-1])
     moved = jnp.einsum("sij,si->sj", arms, at).reshape(-1, *f.shape[1:])
-    return add(f * own, master, moved)
+    return add(f * free, master, moved)

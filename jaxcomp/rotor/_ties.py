@@ -41,12 +41,12 @@ class Ties(NamedTuple):
 
     Attributes:
         nodes: (2, t) nodes that follow, and those that they follow; one pair an entry.
-        own: (n, dof) coordinates that follow nothing.
+        free: (n, dof) coordinates that follow nothing.
         holds: conditions of held links.
     """
 
     nodes: np.ndarray
-    own: np.ndarray
+    free: np.ndarray
     holds: tuple[Hold, ...]
 
 
@@ -65,15 +65,13 @@ def find_ties(n: int, dof: int, slaved: tuple, holds: tuple[Hold, ...]) -> Ties:
     # Arms of no particular place, so that what is zero or one is so for all of them.
     places = np.random.default_rng(3).uniform(1.0, 2.0, (len(slaved), 3))
     arms = arm_matrices(places, dof)
-    relations, holds, own = _solved(n, dof, slaved, arms, holds)
-    pairs = [
-        (node, master)
-        for node, row in relations.items()
-        for master, matrix in row.items()
+    relations, holds, free = _relations(n, dof, slaved, arms, holds)
+    pairs = []
+    for node, row in relations.items():
         # Rows that move by themselves stay out: `follow` takes them from the motion as it is.
-        if (matrix * ~own[node][:, None]).any()
-    ]
-    return Ties(np.array(pairs, int).reshape(-1, 2).T, own, holds)
+        following = ~free[node][:, None]
+        pairs += [(node, master) for master, matrix in row.items() if (matrix * following).any()]
+    return Ties(np.array(pairs, int).reshape(-1, 2).T, free, holds)
 
 
 def tie_matrices(
@@ -82,9 +80,9 @@ def tie_matrices(
     """Motion of following nodes for the entries of `Ties.nodes`, from the arms of the bodies."""
     if not ties.holds:
         return arms
-    n, dof = ties.own.shape
-    relations, _, own = _solved(n, dof, slaved, arms, ties.holds)
-    rows = [relations[a][b] * ~own[a][:, None] for a, b in ties.nodes.T]
+    n, dof = ties.free.shape
+    relations, _, free = _relations(n, dof, slaved, arms, ties.holds)
+    rows = [relations[a][b] * ~free[a][:, None] for a, b in ties.nodes.T]
     return jnp.stack([jnp.zeros((dof, dof)), *rows])[1:]
 
 
@@ -96,7 +94,7 @@ def reaction_matrix(
     The forces are those on free nodes and centres of bodies.
     """
     of = {node: (centre, arm) for (node, centre), arm in zip(slaved, arms, strict=True)}
-    eye = np.eye(ties.own.shape[1])
+    eye = np.eye(ties.free.shape[1])
     table = []
     for hold in ties.holds:
         row = []
@@ -113,16 +111,16 @@ def reaction_matrix(
     return jnp.linalg.inv(jnp.stack(table)).T
 
 
-def _solved(n, dof, slaved, arms, holds):
-    """Relations {node: {node: matrix}} of all that does not move by itself, complete holds, `own`."""
+def _relations(n, dof, slaved, arms, holds):
+    """Relations {node: {node: matrix}} of all that does not move by itself, complete holds, `free`."""
     eye = np.eye(dof)
     relations: dict = {
         node: {centre: arm} for (node, centre), arm in zip(slaved, arms, strict=True)
     }
-    own = np.ones((n, dof), bool)
-    own[[node for node, _ in slaved]] = False
+    free = np.ones((n, dof), bool)
+    free[[node for node, _ in slaved]] = False
     centres = {centre for _, centre in slaved}
-    done = []
+    complete = []
     for hold in holds:
         gap: dict = {}
         for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
@@ -130,13 +128,13 @@ def _solved(n, dof, slaved, arms, holds):
                 gap[master] = gap.get(master, 0.0) + sign * matrix[hold.coordinate]
         # Chosen once, for arms of no particular place: the layout must not depend on numbers.
         if hold.node < 0:
-            hold = _with_lost(hold, gap, own, centres)
+            hold = _with_lost(hold, gap, free, centres)
         node = hold.node
         lost = hold.coordinate
-        others = eye[lost] == 0
-        rest = {master: -hold.sign * row for master, row in gap.items()}
-        rest[node] = rest[node] * others
-        own[node, lost] = False
+        not_lost = eye[lost] == 0
+        of_lost = {master: -hold.sign * row for master, row in gap.items()}
+        of_lost[node] = of_lost[node] * not_lost
+        free[node, lost] = False
         relations.setdefault(node, {node: eye})
         for row in relations.values():
             if node not in row:
@@ -145,18 +143,18 @@ def _solved(n, dof, slaved, arms, holds):
             # Left out only where it is zero by construction; a traced one is so by chance at most.
             if isinstance(column, np.ndarray) and not column.any():
                 continue
-            row[node] = row[node] * others
-            for master, part in rest.items():
+            row[node] = row[node] * not_lost
+            for master, part in of_lost.items():
                 row[master] = row.get(master, 0.0) + column[:, None] * part
-        done.append(hold)
-    return relations, tuple(done), own
+        complete.append(hold)
+    return relations, tuple(complete), free
 
 
-def _with_lost(hold: Hold, gap, own, centres) -> Hold:
+def _with_lost(hold: Hold, gap, free, centres) -> Hold:
     """The coordinate that a condition removes: of a node by itself rather than of a body."""
     at = hold.coordinate
     # A factor of one needs no division by an arm, which could be zero for other numbers.
-    unit = [n for n, row in gap.items() if own[n, at] and abs(abs(row[at]) - 1) < 1e-12]
+    unit = [n for n, row in gap.items() if free[n, at] and abs(abs(row[at]) - 1) < 1e-12]
     if not unit:
         bound = (
             "a condition that nothing else holds yet: not a second pin of the same node, nor one "
