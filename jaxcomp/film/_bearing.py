@@ -134,8 +134,10 @@ class JournalBearing(AbstractJournal):
             able = ", ".join(word for word, models in _FILMS.items() if models.moving)
             raise BadInput("film", self.film, f'one of {able} beside motion = "orbit"')
         if self.contact is not None:
-            films = {word: one.steady for word, one in _FILMS.items()}
-            able = ", ".join(w for w, one in films.items() if issubclass(one, AbstractSolvedFilm))
+            films = {word: model.steady for word, model in _FILMS.items()}
+            able = ", ".join(
+                w for w, model in films.items() if issubclass(model, AbstractSolvedFilm)
+            )
             if not issubclass(self.model, AbstractSolvedFilm):
                 raise BadInput("film", self.film, f"one of {able} beside a contact")
             if self.roughness is not None:
@@ -234,10 +236,16 @@ def film_at(
         return film
     assert isinstance(film, AbstractSolvedFilm)
     unit = film_unit(bearing)
-    pace, slides = (
-        unit * smooth_speed(s, rest_speed) for s in (speed, speed if sliding is None else sliding)
+    if sliding is None:
+        sliding = speed
+    return MixedFilm(
+        length_ratio=film.length_ratio,
+        film=film,
+        contact=contact,
+        pace=unit * smooth_speed(speed, rest_speed),
+        sliding=unit * smooth_speed(sliding, rest_speed),
+        clearance_ratio=bearing.clearance_ratio,
     )
-    return MixedFilm(film.length_ratio, film, contact, pace, slides, bearing.clearance_ratio)
 
 
 def contact_moment(

@@ -183,14 +183,14 @@ class MixedFilm(AbstractSolvedFilm):
         return gain * jnp.cos(phi) + along, gain * jnp.sin(phi)
 
     def load_gain(self, film_ratio):
-        along, across = self._chords(film_ratio)
+        radial, tangential = self._chords(film_ratio)
         # not `jnp.hypot`, whose derivative asks which of the two equals the larger one: where it is
         # computed again with other rounding, neither does
-        return jnp.sqrt(along * along + across * across)
+        return jnp.sqrt(radial * radial + tangential * tangential)
 
     def attitude_angle(self, film_ratio):
-        along, across = self._chords(film_ratio)
-        return jnp.arctan2(across, along)
+        radial, tangential = self._chords(film_ratio)
+        return jnp.arctan2(tangential, radial)
 
     def damping(self, film_ratio):
         return self.film.damping(film_ratio)
@@ -203,14 +203,14 @@ class MixedFilm(AbstractSolvedFilm):
         # M = mu_b N R over eta omega L D R/psi, with the speed of sliding.
         return self.contact.coefficient * normal / (self.sliding * self.clearance_ratio)
 
-    def own_number(self, film_ratio, load_number):
+    def film_number(self, film_ratio, load_number):
         """[-] What the film carries of a load number: all of it to the last bit where nothing touches."""
         touches = self.contact_number(film_ratio) > 0
         return jnp.where(touches, film_ratio * self.film.load_gain(film_ratio), load_number)
 
     def friction_number(self, load_number):
         x = film_ratio(self, load_number)
-        return self.film.friction_number(self.own_number(x, load_number)) + self.rubbing(x)
+        return self.film.friction_number(self.film_number(x, load_number)) + self.rubbing(x)
 
     def log_compliance(self, load_number):
         return root(_MixedCompliance(self, load_number))
@@ -234,12 +234,12 @@ class _MixedCompliance(AbstractRoot):
         # would let the journal come nearer.
         ratio = mixed.contact.ratio
         unit = mixed.contact.unit
-        wanted = number * mixed.pace / (unit * jnp.sqrt(2 / ratio) * 5 * np.pi / 16)
+        excess = number * mixed.pace / (unit * jnp.sqrt(2 / ratio) * 5 * np.pi / 16)
         gap = jnp.full_like(x, 1.0)
         for _ in range(_STARTING):
             third, slope = jax.jvp(lambda u: mean_excess(u)[0], (gap,), (jnp.ones_like(gap),))
             # In the logarithm, because F_3 falls like exp(-u^2/2).
-            gap = gap - jnp.log(third / jnp.where(touches, wanted, 1.0)) * third / slope
+            gap = gap - jnp.log(third / jnp.where(touches, excess, 1.0)) * third / slope
             gap = jnp.clip(gap, 0.0, APART)
         # 0.95, because the gap is by the first term of its series only.
         start = jnp.maximum(1 / (1 + x), 0.95 * gap / ratio)
@@ -255,8 +255,8 @@ class _MixedCompliance(AbstractRoot):
             return jnp.clip(new, 0.5 * thickness, 1 - 1e-6)
 
         thickness = jax.lax.fori_loop(0, _STEPS, step, start)
-        both = jnp.log((1 / thickness - 1) / jnp.where(touches, number, 1.0))
-        return jnp.where(touches, both, alone)
+        in_contact = jnp.log((1 / thickness - 1) / jnp.where(touches, number, 1.0))
+        return jnp.where(touches, in_contact, alone)
 
     def residual(self, unknowns):
         return jnp.log(self.film.load_gain(self.load_number * jnp.exp(unknowns))) + unknowns

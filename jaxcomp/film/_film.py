@@ -212,11 +212,11 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
     chord_t = load_per_eps * jnp.sin(phi)
     # The whole force, a contact's too, turns with the line of centres (K_rt, K_tt); only the oil's
     # goes with the speed (C_rt, C_tt).
-    own_r, own_t = film.film_chords(x)
+    film_r, film_t = film.film_chords(x)
     k_rr, k_tr = film.radial_stiffness(x)
     c_rr, c_tr = film.damping(x)
     stiffness = jnp.array([[k_rr, chord_t], [k_tr, chord_r]])
-    damping = jnp.array([[c_rr, -2 * own_r], [c_tr, 2 * own_t]])
+    damping = jnp.array([[c_rr, -2 * film_r], [c_tr, 2 * film_t]])
     # From (e_r, e_t) to (x, y): e_r stands at phi ahead of the load.
     turn = jnp.array([[jnp.cos(phi), -jnp.sin(phi)], [jnp.sin(phi), jnp.cos(phi)]])
     return DynamicCoefficients(turn @ stiffness @ turn.T, turn @ damping @ turn.T)
@@ -319,8 +319,12 @@ def convert_load_number(value: Scalar, source: str, target: str, length_ratio: S
         "sommerfeld_number": 1 / (2 * jnp.pi),
         "modified_sommerfeld_number": length_ratio**2 / 2,
     }
-    load_number = value if source == "load_number" else factor[source] / value
-    return load_number if target == "load_number" else factor[target] / load_number
+    load_number = value
+    if source != "load_number":
+        load_number = factor[source] / value
+    if target == "load_number":
+        return load_number
+    return factor[target] / load_number
 
 
 def _forces(film: AbstractSolvedFilm, x: Scalar) -> tuple[Scalar, Scalar]:
@@ -352,8 +356,8 @@ def split(vector: Pair) -> tuple[Float[Array, "*n"], Pair]:
     some = square > 0
     # Double where: the slope of sqrt at zero is infinite.
     size = jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
-    still = jnp.stack([jnp.ones_like(size), jnp.zeros_like(size)])
-    return size, jnp.where(some, vector / jnp.where(some, size, 1.0), still)
+    along_x = jnp.stack([jnp.ones_like(size), jnp.zeros_like(size)])
+    return size, jnp.where(some, vector / jnp.where(some, size, 1.0), along_x)
 
 
 class _LogCompliance(AbstractRoot):
@@ -375,8 +379,8 @@ class _LogCompliance(AbstractRoot):
         short = 2 / (light + jnp.sqrt(light**2 + 2 * film.length_ratio**2 * load_number))
 
         def step(_, z):
-            rest, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
-            return z - rest / slope
+            residual, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
+            return z - residual / slope
 
         return jax.lax.fori_loop(0, 6, step, jnp.log(short + 1 / 1.2))
 

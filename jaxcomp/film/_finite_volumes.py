@@ -46,12 +46,14 @@ def film_grid(
 
     A closed ring has the line of maximum film among its nodes.
     """
-    first, last, share = pad
+    first, end, share = pad
     n_theta = round(share * n_theta)
     stretch = np.sqrt((1 + eps) / (1 - eps))
 
+    # Even in Sommerfeld's angle, which puts nodes where a thin film's pressure is.
     def angle(gamma, stretch=stretch):  # theta(gamma), without a jump at pi and beyond 2 pi
-        s, c = np.sin(gamma / 2), np.cos(gamma / 2)
+        s = np.sin(gamma / 2)
+        c = np.cos(gamma / 2)
         return gamma + 2 * np.arctan2((stretch - 1) * s * c, c * c + stretch * s * s)
 
     def slope(gamma):
@@ -68,7 +70,8 @@ def film_grid(
 
     # The inverse of Sommerfeld's angle is the same formula with the inverse stretch.
     start = angle(first, 1 / stretch)
-    dg, dt = (angle(last, 1 / stretch) - start) / n_theta, 1 / n_zeta
+    dg = (angle(end, 1 / stretch) - start) / n_theta
+    dt = 1 / n_zeta
     gamma = start + dg * np.arange(0 if closed else 1, n_theta)
     t = dt * np.arange(n_zeta)
     half = np.where(t == 0, 0.5, 1.0)  # the control volume on the mid-plane is cut in half
@@ -97,6 +100,7 @@ def solve_pressure(grid: Grid, film: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """Swift-Stieber pressure over eps, and where the film is, starting from the guess `film`."""
     source = _wedge(grid)
     diagonal = _diagonal(grid)
+    # An active set: each pass solves its film exactly, so that a film that stays is the solution.
     for _ in range(300):
         p = _within(grid, film, diagonal, source[..., None])[..., 0]
         # A node leaves the film where its pressure is negative, and joins it where more oil comes
@@ -123,8 +127,13 @@ def solve_ring(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     links = [-grid.coupling_theta] * 2 + [-grid.coupling_zeta[:, :-1]] * 2
     diagonal = grid.coupling_theta + np.roll(grid.coupling_theta, 1, axis=0) + grid.coupling_zeta
     diagonal[:, 1:] += grid.coupling_zeta[:, :-1]
-    parts = [*zip(rows, columns, links, strict=True), (number, number, diagonal)]
-    i, j, value = (np.concatenate([part[k].ravel() for part in parts]) for k in range(3))
+
+    def joined(parts, of_diagonal):
+        return np.concatenate([part.ravel() for part in (*parts, of_diagonal)])
+
+    i = joined(rows, number)
+    j = joined(columns, number)
+    value = joined(links, diagonal)
     waves = np.stack([np.sin(grid.theta), -np.cos(grid.theta)], axis=-1)
     source = 6 * waves[:, None, :] * grid.weights[:, :, None]
     pressures = splu(coo_array((value, (i, j))).tocsc()).solve(source.reshape(-1, 2))
@@ -143,8 +152,8 @@ def film_end(grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
     share = np.where(behind, np.clip(took / np.where(behind, source, -1.0), 0.0, 1.0), film)
     end = 0.5 + share.sum(axis=0)
     # the half cell at the last edge: filled, or with the film's end in it
-    last = grid.shape[0] + 0.5 + grid.coupling_theta[-1] * p[-1] / np.abs(source[-1])
-    return np.where(film[-1], np.minimum(last, grid.shape[0] + 1), end)
+    in_last_cell = grid.shape[0] + 0.5 + grid.coupling_theta[-1] * p[-1] / np.abs(source[-1])
+    return np.where(film[-1], np.minimum(in_last_cell, grid.shape[0] + 1), end)
 
 
 def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> np.ndarray:
@@ -157,24 +166,26 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
         return np.zeros((2, 2))
     # Turned round, this film too begins at the first edge and has its free end behind.
     if grid.starts_freely:
-        grid, p, film = _reversed(grid), p[::-1], film[::-1]
+        grid = _reversed(grid)
+        p = p[::-1]
+        film = film[::-1]
     n, m = grid.shape
     along = grid.coupling_theta
-    across = grid.coupling_zeta
+    outward = grid.coupling_zeta
     gap = film_end(grid, p, film) - np.arange(1.0, n + 1)[:, None]  # in spacings in theta
     inside = gap > 1e-9
     short = 1e-6  # a node so near to the edge has no pressure
 
     # the matrix: whole links within the film, shortened ones over its edge
     link = np.where(inside[1:] & inside[:-1], along[1:-1], 0.0)
-    link_out = np.where(inside[:, 1:] & inside[:, :-1], across[:, :-1], 0.0)
+    link_out = np.where(inside[:, 1:] & inside[:, :-1], outward[:, :-1], 0.0)
     diagonal = np.zeros((n, m))
     diagonal[0] = along[0]
     diagonal[1:] += link
     diagonal[:-1] += link
     diagonal[:, 1:] += link_out
     diagonal[:, :-1] += link_out
-    diagonal[:, -1] += across[:, -1]
+    diagonal[:, -1] += outward[:, -1]
     ends = inside & ~np.vstack([inside[1:], np.zeros((1, m), bool)])
     to_edge = np.where(ends, np.clip(gap, short, 1.0), 1.0)
     diagonal += np.where(ends, along[1:] / to_edge, 0.0)
@@ -182,18 +193,19 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
     fall = gap[:, :-1] - gap[:, 1:]
     fall = np.where(fall == 0, 1.0, fall)
     cut = inside[:, :-1] & ~inside[:, 1:]
-    way = np.where(cut, np.clip(gap[:, :-1] / fall, short, 1.0), 1.0)
-    diagonal[:, :-1] += np.where(cut, across[:, :-1] / way, 0.0)
+    distance = np.where(cut, np.clip(gap[:, :-1] / fall, short, 1.0), 1.0)
+    diagonal[:, :-1] += np.where(cut, outward[:, :-1] / distance, 0.0)
     cut = inside[:, 1:] & ~inside[:, :-1]
-    way = np.where(cut, np.clip(-gap[:, 1:] / fall, short, 1.0), 1.0)
-    diagonal[:, 1:] += np.where(cut, across[:, :-1] / way, 0.0)
+    distance = np.where(cut, np.clip(-gap[:, 1:] / fall, short, 1.0), 1.0)
+    diagonal[:, 1:] += np.where(cut, outward[:, :-1] / distance, 0.0)
 
     # what the film's change of thickness adds to the flow of the steady pressure
-    cos, cos_faces = np.cos(grid.theta), np.cos(grid.theta_faces)
+    cos = np.cos(grid.theta)
+    cos_faces = np.cos(grid.theta_faces)
     steady = np.pad(eps * p, 1)
     flow = along * (3 * cos_faces / (1 + eps * cos_faces))[:, None]
     flow = flow * (steady[:-1, 1:-1] - steady[1:, 1:-1])
-    flow_out = across * (3 * cos / (1 + eps * cos))[:, None]
+    flow_out = outward * (3 * cos / (1 + eps * cos))[:, None]
     flow_out = flow_out * (steady[1:-1, 1:-1] - steady[1:-1, 2:])
     change = flow[:-1] - flow[1:] - flow_out
     change[:, 1:] += flow_out[:, :-1]
@@ -217,23 +229,23 @@ def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarr
     """Pressures (n, m, k) for k sources on the nodes of a film, whose links with each other are whole."""
     from scipy.linalg import solveh_banded
 
-    found = np.zeros(source.shape)
+    pressure = np.zeros(source.shape)
     m = grid.shape[1]
     if not film.any():
-        return found
+        return pressure
     rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1
     inside = film[:rows]
     bands = np.zeros((m + 1, rows, m))
     # Nodes outside of the film have rows of the unit matrix, so that the band holds any film.
     bands[m] = np.where(inside, diagonal[:rows], 1.0)
-    both = inside[:, :-1] & inside[:, 1:]
-    bands[m - 1, :, 1:] = -np.where(both, grid.coupling_zeta[:rows, :-1], 0.0)
-    both = inside[:-1] & inside[1:]
-    bands[0, 1:] = -np.where(both, grid.coupling_theta[1:rows], 0.0)
+    linked = inside[:, :-1] & inside[:, 1:]
+    bands[m - 1, :, 1:] = -np.where(linked, grid.coupling_zeta[:rows, :-1], 0.0)
+    linked = inside[:-1] & inside[1:]
+    bands[0, 1:] = -np.where(linked, grid.coupling_theta[1:rows], 0.0)
     right = np.where(inside[..., None], source[:rows], 0.0).reshape(rows * m, -1)
     solved = solveh_banded(bands.reshape(m + 1, -1), right, overwrite_ab=True, check_finite=False)
-    found[:rows] = solved.reshape(rows, m, -1)
-    return found
+    pressure[:rows] = solved.reshape(rows, m, -1)
+    return pressure
 
 
 def _reversed(grid: Grid) -> Grid:

@@ -156,13 +156,18 @@ class SteadyBearing(Result):
         A number that the model does not give, or that is infinite (the Sommerfeld number at no load),
         is `None`, and so is a matrix of which an entry is missing.
         """
-        numbers = {
-            name: None if np.ndim(value) and not np.all(np.isfinite(value)) else value
-            for name, value in readings_of(self.point).items()
-        }
+        numbers = dict(readings_of(self.point))
+        for name, value in numbers.items():
+            if np.ndim(value) and not np.all(np.isfinite(value)):
+                numbers[name] = None
         for name in ("friction_torque", "bush_torque"):
             if numbers[name] is not None:
                 numbers[name] = math.copysign(1.0, self.speed) * float(numbers[name])
+        peak_pressure = None
+        side_flow = None
+        if self.field is not None:
+            peak_pressure = self.field.peak_pressure
+            side_flow = self.field.side_flow
         return {
             "limits": self.bearing.model.limits,
             "frame": _FRAME,
@@ -171,8 +176,8 @@ class SteadyBearing(Result):
             **fields_of(self.bearing, "length_ratio", "clearance_ratio"),
             **numbers,
             "friction_power": numbers["friction_torque"] * self.speed,
-            "peak_pressure": None if self.field is None else self.field.peak_pressure,
-            "side_flow": None if self.field is None else self.field.side_flow,
+            "peak_pressure": peak_pressure,
+            "side_flow": side_flow,
         }
 
 
@@ -203,28 +208,30 @@ def operating_point(
         speed: [rad/s] of the journal, > 0.
     """
     # A steady speed above zero needs no smoothing through rest.
-    still = {"rest_speed": 0.0}
+    unsmoothed = {"rest_speed": 0.0}
     load = jnp.asarray(load, float)
     speed = jnp.asarray(speed, float)
     part = prepare(bearing)
     film = film_at(part, speed, 0.0)
     gap = part.bearing.radial_clearance
-    number = load_number(part, load, speed, **still)
-    known: dict[str, Any] = {}
+    number = load_number(part, load, speed, **unsmoothed)
+    entries: dict[str, Any] = {}
     if isinstance(film, AbstractCarryingFilm):
         x = film_ratio(film, number)
-        known |= {"eccentricity_ratio": x / (1 + x), "minimum_film": gap / (1 + x)}
+        entries |= {"eccentricity_ratio": x / (1 + x), "minimum_film": gap / (1 + x)}
     contact = ring_contact(part.bearing)
     if contact is not None:
-        known["contact_load"] = contact.forces(known["eccentricity_ratio"])[0]
-        known["contact_torque"] = contact_moment(part, load, speed, **still)
+        entries["contact_load"] = contact.forces(entries["eccentricity_ratio"])[0]
+        entries["contact_torque"] = contact_moment(part, load, speed, **unsmoothed)
     if isinstance(film, AbstractSolvedFilm):
-        stiffness, damping = stiffness_damping(part, jnp.stack([load, 0.0 * load]), speed, **still)
+        stiffness, damping = stiffness_damping(
+            part, jnp.stack([load, 0.0 * load]), speed, **unsmoothed
+        )
         per_load = coefficients_per_load(film, number)
         threshold = stability_threshold(film, number)
-        known |= {
+        entries |= {
             "attitude_angle": film_state(film, number).attitude_angle,
-            "bush_torque": bush_moment(part, load, speed, **still),
+            "bush_torque": bush_moment(part, load, speed, **unsmoothed),
             "stiffness": stiffness,
             "damping": damping,
             "dimensionless_stiffness": per_load.stiffness,
@@ -236,8 +243,8 @@ def operating_point(
         phi_p=number,
         sommerfeld_number=1 / (2 * jnp.pi * number),
         phi_t=film.friction_number(number),
-        friction_torque=friction_moment(part, load, speed, **still),
-        **known,
+        friction_torque=friction_moment(part, load, speed, **unsmoothed),
+        **entries,
     )
 
 
@@ -260,15 +267,23 @@ def pressure_field(
         return None
     assert point.minimum_film is not None
     assert point.attitude_angle is not None
-    gap, length, radius = (float(x) for x in (bearing.radial_clearance, bearing.length,
-                                              bearing.diameter / 2))  # fmt: skip
+    gap = float(bearing.radial_clearance)
+    length = float(bearing.length)
+    radius = float(bearing.diameter / 2)
     unit = float(bearing.dynamic_viscosity) * speed / (gap / radius) ** 2
     thickness = float(point.minimum_film) / gap
     solved_at = max(thickness, _LEAST_THICKNESS)
-    eps = 1 - solved_at if solved_at > thickness else float(point.eccentricity_ratio)
-    options = {Guembel: {"cavitation": "guembel"}, GroovedReynolds: {"grooved": True}}
-    solved = reference_solution(eps, float(bearing.length_ratio), coefficients=False, grids=_GRIDS,
-                                **options.get(bearing.model, {}))  # fmt: skip
+    eps = float(point.eccentricity_ratio)
+    if solved_at > thickness:
+        eps = 1 - solved_at
+    solved = reference_solution(
+        eps,
+        float(bearing.length_ratio),
+        cavitation="guembel" if bearing.model is Guembel else "reynolds",
+        grooved=bearing.model is GroovedReynolds,
+        coefficients=False,
+        grids=_GRIDS,
+    )
     growth = (solved_at / thickness) ** 1.5
     pressure = solved.pressure * growth
     peak = solved.peak_pressure * growth
@@ -278,7 +293,10 @@ def pressure_field(
         e = float(point.eccentricity_ratio)
         x = e / thickness
         # the largest pressure lies where (1 + eps cos) cos = -3 eps sin^2
-        top = np.arccos(np.clip((1 - np.sqrt(1 + 24 * e**2)) / (4 * e) if e else 0.0, -1, 1))
+        cosine = 0.0
+        if e:
+            cosine = (1 - np.sqrt(1 + 24 * e**2)) / (4 * e)
+        top = np.arccos(np.clip(cosine, -1, 1))
         pressure = np.asarray(film.pressure(x, solved.theta[:, None], solved.zeta))
         peak = float(film.pressure(x, top, 0.0))
         flow = e  # all oil between the thickest and the thinnest film leaves through the ends

@@ -58,7 +58,8 @@ class PlacedJournal(AbstractJournal):
             force: [N] on the bush, minus the load on the journal.
             rate: [rad/s] of the journal in the bush.
         """
-        e, c = self.position, self.bearing.radial_clearance
+        e = self.position
+        c = self.bearing.radial_clearance
         turning = e[1] * force[0] - e[0] * force[1]  # e x F of the load on the journal
         # The sign of -M_b: what resists the bush drives it along the rate of the journal in it.
         smooth = shear_drag(self.bearing, e) * rate + 0.5 * c * turning

@@ -104,7 +104,8 @@ def reference_solution(
         BadInput: for an eccentricity ratio outside [0, 1), a length ratio that is not positive, or
             an unknown way of cavitation.
     """
-    eps, q = float(eccentricity_ratio), float(length_ratio)
+    eps = float(eccentricity_ratio)
+    q = float(length_ratio)
     if not 0 <= eps < 1:
         raise BadInput("eccentricity_ratio", eps, ">= 0 and < 1")
     if not (q > 0 and math.isfinite(q)):
@@ -123,11 +124,16 @@ def reference_solution(
     stiffness = damping = None
     attitude = math.atan2(tangential, -radial)
     if coefficients:
-        axes = _linear_coefficients(eps, q, grids) if linear else _coefficients(eps, fields)
-        turn = np.array(
-            [[math.cos(attitude), -math.sin(attitude)], [math.sin(attitude), math.cos(attitude)]]
-        )
-        stiffness, damping = turn @ axes[0] @ turn.T, turn @ axes[1] @ turn.T
+        if linear:
+            stiffness, damping = _linear_coefficients(eps, q, grids)
+        else:
+            stiffness, damping = _coefficients(eps, fields)
+        # from the axes of the film to those of the load
+        cos = math.cos(attitude)
+        sin = math.sin(attitude)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        stiffness = turn @ stiffness @ turn.T
+        damping = turn @ damping @ turn.T
     return FilmSolution(
         **_field_with_edges(eps, ring, fields[-1]),
         load_number=eps * math.hypot(radial, tangential),
@@ -161,14 +167,17 @@ def groove_attitude(eps: float, q: float, grids) -> float:
     # secant; the angle of the force hardly depends on where the grooves are
     ahead = 1.4 * math.sqrt(1 - eps)
     behind = ahead + excess(ahead)
-    last = excess(ahead)
-    now = excess(behind)
+    excess_ahead = excess(ahead)
+    excess_behind = excess(behind)
     for _ in range(20):
-        if abs(now) < 1e-9 or now == last:
+        if abs(excess_behind) < 1e-9 or excess_behind == excess_ahead:
             break
-        ahead, behind = behind, behind - now * (behind - ahead) / (now - last)
-        last = now
-        now = excess(behind)
+        ahead, behind = (
+            behind,
+            behind - excess_behind * (behind - ahead) / (excess_behind - excess_ahead),
+        )
+        excess_ahead = excess_behind
+        excess_behind = excess(behind)
     return behind
 
 
@@ -186,6 +195,7 @@ def _fields(eps, q, ring, grids, linear) -> list:
         return out
     for n_theta, n_zeta in grids:
         each = [film_grid(eps, q, n_theta, n_zeta, pad) for pad in ring]
+        # the guess of the first grid is where the wedge closes; each finer one has that of the last
         if films is None:
             films = [np.broadcast_to((np.sin(g.theta) > 0)[:, None], g.shape) for g in each]
         else:
@@ -261,9 +271,9 @@ def _field_with_edges(eps, ring, field) -> dict:
     """Nodes and pressure with the edges of the pads and the end of the bearing, where p = 0."""
     theta = []
     pressure = []
-    for (first, last, _), (grid, p, _) in zip(ring, field, strict=True):
-        at_edge = grid.theta[0] - first < 1e-9  # a closed ring
-        theta += [[] if at_edge else [first], grid.theta, [last]]
+    for (start, end, _), (grid, p, _) in zip(ring, field, strict=True):
+        at_edge = grid.theta[0] - start < 1e-9  # a closed ring
+        theta += [[] if at_edge else [start], grid.theta, [end]]
         pressure.append(np.pad(eps * p, [(0 if at_edge else 1, 1), (0, 1)]))
     zeta = np.append(field[0][0].zeta, 1.0)
     return {"theta": np.concatenate(theta), "zeta": zeta, "pressure": np.concatenate(pressure)}
@@ -286,4 +296,6 @@ def _peak(p: np.ndarray) -> float:
     i = int(np.clip(np.argmax(p), 1, p.size - 2))
     below, top, above = p[i - 1 : i + 2]
     bend = below - 2 * top + above
-    return float(top - (above - below) ** 2 / (8 * bend)) if bend < 0 else float(top)
+    if bend >= 0:
+        return float(top)
+    return float(top - (above - below) ** 2 / (8 * bend))

@@ -95,7 +95,9 @@ class OcvirkSqueeze(AbstractSqueeze):
         beta = jnp.arctan2(cross(along, velocity), dot(along, velocity))
         # A product, because 1 - eps^2 loses digits as the film closes.
         square = (1 - eps) * (1 + eps)
-        root, wide, thin = jnp.sqrt(square), jnp.sqrt(1 + eps), jnp.sqrt(1 - eps)
+        root = jnp.sqrt(square)
+        wide = jnp.sqrt(1 + eps)
+        thin = jnp.sqrt(1 - eps)
 
         def at(theta):
             # Sommerfeld's angle. theta counts from e, the thinnest film, up to 3 pi/2 either way:
@@ -112,10 +114,10 @@ class OcvirkSqueeze(AbstractSqueeze):
 
         # 2 q^2 is half of 6 q^2 times the mean of 1 - zeta^2, over the half circle where V n > 0.
         cc, sc, ss = 2 * self.length_ratio**2 * (at(beta + jnp.pi / 2) - at(beta - jnp.pi / 2))
-        across = quarter_turn(along)
-        radial = cc * along + sc * across
-        tangential = sc * along + ss * across
-        columns = tuple(along[i] * radial + across[i] * tangential for i in range(2))
+        sideways = quarter_turn(along)
+        radial = cc * along + sc * sideways
+        tangential = sc * along + ss * sideways
+        columns = tuple(along[i] * radial + sideways[i] * tangential for i in range(2))
         return columns[0] * velocity[0] + columns[1] * velocity[1], columns
 
     def mobility(self, position, force):
@@ -132,18 +134,19 @@ class OcvirkSqueeze(AbstractSqueeze):
         size, along = split(position)
         eps = jnp.minimum(size, _LAST_SHORT)
         square = (1 - eps) * (1 + eps)
-        radial, tangential = dot(along, velocity), cross(along, velocity)
+        radial = dot(along, velocity)
+        tangential = cross(along, velocity)
 
         def pressure(y, radial, tangential, eps):
             cos = jnp.cos(y)
             sin = jnp.sqrt((1 - eps) * (1 + eps)) * jnp.sin(y)
             return (radial * (cos + eps) + tangential * sin) * (1 + eps * cos) ** 2
 
-        known = lax.stop_gradient((radial, tangential, eps))
+        constants = lax.stop_gradient((radial, tangential, eps))
         y = np.linspace(-np.pi, np.pi, 32, endpoint=False).reshape(32, *[1] * eps.ndim)
-        y = jnp.take(jnp.asarray(y.ravel()), jnp.argmax(pressure(y, *known), axis=0))
+        y = jnp.take(jnp.asarray(y.ravel()), jnp.argmax(pressure(y, *constants), axis=0))
         for _ in range(4):
-            slope, bend = _slope_and_bend(lambda y: pressure(y, *known), y)
+            slope, bend = _slope_and_bend(lambda y: pressure(y, *constants), y)
             # No step where the curve is hollow: Newton's method would seek a lowest place there.
             y = y - slope / jnp.where(bend < 0, bend, -jnp.inf)
         return 6 * self.length_ratio**2 * pressure(y, radial, tangential, eps) / square**3
@@ -164,10 +167,10 @@ class _Impedance(eqx.Module):
 
 def slopes_along(function, value):
     """Slopes of a map of plane vectors along x and y, with its value."""
-    one = jnp.ones_like(value[0])
-    none = jnp.zeros_like(value[0])
+    ones = jnp.ones_like(value[0])
+    zeros = jnp.zeros_like(value[0])
     image, linear = jax.linearize(function, value)
-    return image, (linear(jnp.stack([one, none])), linear(jnp.stack([none, one])))
+    return image, (linear(jnp.stack([ones, zeros])), linear(jnp.stack([zeros, ones])))
 
 
 def two_by_two(columns, right: Pair) -> Pair:
@@ -208,12 +211,12 @@ class Inverse(AbstractRoot):
 
 
 def _slope_and_bend(function, x):
-    one = jnp.ones_like(x)
+    ones = jnp.ones_like(x)
 
     def slope(x):
-        return jax.jvp(function, (x,), (one,))[1]
+        return jax.jvp(function, (x,), (ones,))[1]
 
-    return jax.jvp(slope, (x,), (one,))
+    return jax.jvp(slope, (x,), (ones,))
 
 
 def dot(a: Pair, b: Pair):

@@ -104,9 +104,10 @@ class ReynoldsSqueeze(AbstractSqueeze):
         held, held_square, within = _held(x, square)
         u, v = film_corner(held, held_square)
         p, p_u, p_v, *second = _horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, order)
-        one = 1 - held * held
+        complement = 1 - held * held
         # The factors 2 and 4 below are those of 2 u - 1 and 2 v - 1, the polynomial's arguments.
-        u_x, v_x = -0.125 / u**3, v * held / one
+        u_x = -0.125 / u**3
+        v_x = v * held / complement
         l_x = 2 * (p_u * u_x + p_v * v_x)
         # of ln(H_0)
         gap = jnp.maximum(1 - x, 1e-9)
@@ -115,27 +116,27 @@ class ReynoldsSqueeze(AbstractSqueeze):
         wide = np.sqrt(2) / (3 * np.pi) * root
         unit = short + wide
         h = unit * jnp.exp(p)
-        own = -(2.5 * short + 1.5 * wide) / (unit * gap)
-        ln_x = own + within * l_x
-        first = size, along, x, h, h * ln_x
+        ln_unit_x = -(2.5 * short + 1.5 * wide) / (unit * gap)
+        ln_x = ln_unit_x + within * l_x
+        to_first_order = size, along, x, h, h * ln_x
         if order < 2:
-            return first
+            return to_first_order
         p_uu, p_uv, p_vv = second
         u_xx = -3 * u_x**2 / u
-        v_xx = v_x * held / one + v * (1 + held**2) / one**2
+        v_xx = v_x * held / complement + v * (1 + held**2) / complement**2
         v_s = -0.5 * v / (1 - held_square)
         l_s = 2 * p_v * v_s
         l_xx = 4 * (p_uu * u_x**2 + 2 * p_uv * u_x * v_x + p_vv * v_x**2)
         l_xx = l_xx + 2 * (p_u * u_xx + p_v * v_xx)
-        l_xs = 4 * (p_uv * u_x * v_s + p_vv * v_x * v_s) + 2 * p_v * v_s * held / one
+        l_xs = 4 * (p_uv * u_x * v_s + p_vv * v_x * v_s) + 2 * p_v * v_s * held / complement
         # where the table is held, eps acts through x alone
         beyond = square > _LAST**2
         shrinks = -0.5 * within / jnp.where(beyond, square, 1.0)
         ln_s = jnp.where(beyond, l_x * x * shrinks, l_s)
         ln_xs = jnp.where(beyond, shrinks * (l_x + held * l_xx), l_xs)
-        own_xx = (3.75 * short + 0.75 * wide) / (unit * gap**2) - own**2
-        ln_xx = own_xx + within**2 * l_xx
-        return *first, h * ln_s, h * (ln_xx + ln_x**2), h * (ln_xs + ln_x * ln_s)
+        ln_unit_xx = (3.75 * short + 0.75 * wide) / (unit * gap**2) - ln_unit_x**2
+        ln_xx = ln_unit_xx + within**2 * l_xx
+        return *to_first_order, h * ln_s, h * (ln_xx + ln_x**2), h * (ln_xs + ln_x * ln_s)
 
     def impedance(self, position, velocity):
         size, along = split(velocity)
@@ -175,7 +176,9 @@ def _table_mobility_jvp(primals, tangents):
         return size * (h * along + 0.5 * h_x * (position - x * along))
 
     _, moved = eqx.filter_jvp(by_film, (film,), (film_dot,))
-    moved = jnp.zeros_like(value) if moved is None else moved
+    # `None` of a film without derivatives of its own
+    if moved is None:
+        moved = jnp.zeros_like(value)
     for columns, change in ((slopes, position_dot), (by_force, force_dot)):
         if change is not None:
             moved = moved + columns[0] * change[0] + columns[1] * change[1]
@@ -198,8 +201,8 @@ def _mobility_and_slopes(film, position, force):
     g = quarter_turn(f)
     y = dot(position, g)
     along = h * f + 0.5 * h_x * t
-    across = 0.5 * h_x * y * f + (h - 0.5 * h_x * x + 0.5 * h_xx * y**2) * g
-    by_force = tuple(along * f[i] + across * g[i] for i in range(2))
+    sideways = 0.5 * h_x * y * f + (h - 0.5 * h_x * x + 0.5 * h_xx * y**2) * g
+    by_force = tuple(along * f[i] + sideways * g[i] for i in range(2))
     return value, by_position, by_force
 
 
@@ -254,18 +257,20 @@ def _horner(
         f = f * u + p[i]
     if order == 0:
         return (f,)
+    if order == 1:
+        return f, f_u, f_v
     # Horner's recurrence leaves half of a second derivative.
-    return (f, f_u, f_v) if order == 1 else (f, f_u, f_v, 2 * f_uu, f_uv, 2 * f_vv)
+    return f, f_u, f_v, 2 * f_uu, f_uv, 2 * f_vv
 
 
 @functools.cache
 def _table() -> dict[str, np.ndarray]:
     """The tables, in powers of 2 u - 1 and 2 v - 1 instead of Chebyshev polynomials of these."""
-    found = dict(table_of(TABLE))
+    tables = dict(table_of(TABLE))
     for name in ("mobility", "peak", "flow"):
-        rows, columns = (_powers(n) for n in found[name].shape[:2])
-        found[name] = np.einsum("ia,jb,ijk->abk", rows, columns, found[name])
-    return found
+        rows, columns = (_powers(n) for n in tables[name].shape[:2])
+        tables[name] = np.einsum("ia,jb,ijk->abk", rows, columns, tables[name])
+    return tables
 
 
 def _powers(n: int) -> np.ndarray:

@@ -59,8 +59,11 @@ class StribeckCurve(Result, eqx.Module):
         place = int(np.clip(np.argmin(torque), 1, x.size - 2))
         near = slice(place - 1, place + 2)
         bend, slope, _ = np.polyfit(x[near] - x[place], torque[near], 2)
-        way = -0.5 * slope / bend if bend > 0 else x[np.argmin(torque)] - x[place]
-        return jnp.asarray(np.exp(np.clip(x[place] + way, x[near][0], x[near][-1])))
+        # least at an end of the speeds, or within
+        step = x[np.argmin(torque)] - x[place]
+        if bend > 0:
+            step = -0.5 * slope / bend
+        return jnp.asarray(np.exp(np.clip(x[place] + step, x[near][0], x[near][-1])))
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
@@ -97,7 +100,9 @@ def _points(bearing, load, speed):
     if isinstance(film, MixedFilm):
         rubs = unit * film.rubbing(x)
         push = film.contact.forces(x / (1 + x))[0]
-        film, number = film.film, film.own_number(x, number)
+        # what the contact carries, the film need not
+        number = film.film_number(x, number)
+        film = film.film
     smooth = unit * film.friction_number(number)
     return smooth + rubs, rubs, part.radial_clearance / (1 + x), push
 

@@ -40,10 +40,12 @@ def chebyshev_sum(coefficients: Float[Array, " n"], t: Float[Array, "*b"]) -> Fl
     The loop is unrolled: a short chain of multiplications that XLA fuses into one kernel. The
     derivative is a series of the same kind, which keeps derivatives of every order that short.
     """
-    last = before = jnp.zeros_like(t)
+    b_1 = b_2 = jnp.zeros_like(t)
     for k in range(coefficients.shape[0] - 1, 0, -1):
-        last, before = coefficients[k] + 2 * t * last - before, last
-    return coefficients[0] + t * last - before
+        b_0 = coefficients[k] + 2 * t * b_1 - b_2
+        b_2 = b_1
+        b_1 = b_0
+    return coefficients[0] + t * b_1 - b_2
 
 
 @chebyshev_sum.defjvp

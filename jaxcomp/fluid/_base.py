@@ -173,6 +173,7 @@ class AbstractFluid(Part):
             def newton(_, unknowns):
                 value = misfit(unknowns, inputs)
                 jacobian = jax.jacfwd(misfit)(unknowns, inputs)
+                # a fifth in the logarithms at most: T and rho stay within what the terms can take
                 step = jnp.clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)
                 return jnp.stack([jnp.clip(T, jnp.log(low), jnp.log(2 * high)), rho])

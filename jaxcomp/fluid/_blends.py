@@ -79,9 +79,9 @@ def _blend(name: str, row: Mapping[str, Any]) -> Blend:
     return Blend(name, fractions, row["class"])
 
 
-def without_equation(one: Blend) -> list[str]:
+def without_equation(mixture: Blend) -> list[str]:
     """Components of a blend that have no equation of state here."""
-    return [name for name in one.mass_fractions if name not in fluids()]
+    return [name for name in mixture.mass_fractions if name not in fluids()]
 
 
 def blend(name: str) -> Blend:
@@ -91,24 +91,27 @@ def blend(name: str) -> Blend:
         BadInput: an unknown name, or a component without an equation of state.
     """
     if name not in blends():
-        near = nearest(name.upper(), blends())
         bound = "a blend of ASHRAE 34, as `jaxcomp list fluids` names them"
-        raise BadInput("name", f'"{name}"', bound + (f' (did you mean "{near}"?)' if near else ""))
-    found = blends()[name]
-    if missing := without_equation(found):
+        if near := nearest(name.upper(), blends()):
+            bound += f' (did you mean "{near}"?)'
+        raise BadInput("name", f'"{name}"', bound)
+    mixture = blends()[name]
+    if missing := without_equation(mixture):
         bound = f"a blend of fluids with an equation of state: there is none here for {missing[0]}"
         raise BadInput("name", f'"{name}"', bound)
-    return found
+    return mixture
 
 
 def usable_blends() -> list[Blend]:
     """Blends whose components have equations and whose pairs have parameters."""
-    return [
-        one
-        for one in blends().values()
-        if not without_equation(one)
-        and all(pair.quality != "none" for pair in pairs_of(list(one.mass_fractions)))
-    ]
+    return list(filter(_is_usable, blends().values()))
+
+
+def _is_usable(mixture: Blend) -> bool:
+    if without_equation(mixture):
+        return False
+    pairs = pairs_of(list(mixture.mass_fractions))
+    return all(pair.quality != "none" for pair in pairs)
 
 
 def component_name(name: str) -> str:
@@ -117,37 +120,42 @@ def component_name(name: str) -> str:
     Raises:
         BadInput: an unknown fluid, a blend, or a pseudo-pure fluid, which is a blend.
     """
-    spelt = {one.lower(): one for one in fluids()}
-    spelt |= {key.lower(): fluid for key, fluid in SYNONYMS.items()}
-    spelt |= {fluid_data(one)["description"].replace(" ", "_").lower(): one for one in fluids()}
-    found = spelt.get(name.lower())
-    if name in blends() or (found and fluid_data(found)["pseudo_pure"]):
+    spellings = {fluid.lower(): fluid for fluid in fluids()}
+    spellings |= {key.lower(): fluid for key, fluid in SYNONYMS.items()}
+    for fluid in fluids():
+        chemical_name = fluid_data(fluid)["description"].replace(" ", "_").lower()
+        spellings[chemical_name] = fluid
+    fluid_name = spellings.get(name.lower())
+    if name in blends() or (fluid_name and fluid_data(fluid_name)["pseudo_pure"]):
         raise BadInput("components", name, f"pure fluids: {name} is a blend, give its components")
-    if found is None:
-        near = nearest(name.lower(), spelt)
+    if fluid_name is None:
         bound = "pure fluids, as `jaxcomp list fluids` names them"
-        raise BadInput(
-            "components", name, bound + (f" (did you mean {spelt[near]}?)" if near else "")
-        )
-    return found
+        if near := nearest(name.lower(), spellings):
+            bound += f" (did you mean {spellings[near]}?)"
+        raise BadInput("components", name, bound)
+    return fluid_name
 
 
 # ------------------------------------------------------------------- lines
 @cache
 def _lines_by_components() -> dict[frozenset[str], list[str]]:
     folder = files(__package__).joinpath("data", "mixtures", "lines")
-    names = [entry.name[:-5] for entry in folder.iterdir()] if folder.is_dir() else []
-    found: dict[frozenset[str], list[str]] = {}
+    by_components: dict[frozenset[str], list[str]] = {}
+    if not folder.is_dir():
+        return by_components
+    names = [entry.name.removesuffix(".json") for entry in folder.iterdir()]
     for name in names:
-        found.setdefault(frozenset(blends()[name].mass_fractions), []).append(name)
-    return found
+        by_components.setdefault(frozenset(blends()[name].mass_fractions), []).append(name)
+    return by_components
 
 
 def stored_lines(components: tuple[str, ...], mass_fractions: np.ndarray) -> SaturationLines | None:
     """Lines of a blend with this composition, if they came with the library."""
     for name in _lines_by_components().get(frozenset(components), ()):
         fractions = blends()[name].mass_fractions
-        if np.allclose([fractions[one] for one in components], mass_fractions, rtol=0, atol=1e-9):
+        if np.allclose(
+            [fractions[component] for component in components], mass_fractions, rtol=0, atol=1e-9
+        ):
             return _lines(name, components)
     return None
 
@@ -159,12 +167,12 @@ def _lines(name: str, components: tuple[str, ...]) -> SaturationLines:
     fractions = fractions / fractions.sum()
     coefficients, slopes = (padded(row[key]) for key in ("coefficients", "slopes"))
     # fractions are normalised: one in proportion with all others changes nothing
-    last = -np.tensordot(fractions[:-1], slopes, 1) / fractions[-1]
-    order = [list(blends()[name].mass_fractions).index(one) for one in components]
+    last_slope = -np.tensordot(fractions[:-1], slopes, 1) / fractions[-1]
+    order = [list(blends()[name].mass_fractions).index(component) for component in components]
     return SaturationLines(
         ends=jnp.asarray(row["ends"]),
         coefficients=jnp.asarray(coefficients),
-        slopes=jnp.asarray(np.concatenate([slopes, last[None]])[order]),
+        slopes=jnp.asarray(np.concatenate([slopes, last_slope[None]])[order]),
         reference=jnp.asarray(fractions[order]),
         critical=jnp.asarray(row["critical"]),
     )

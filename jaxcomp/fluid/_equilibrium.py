@@ -49,11 +49,10 @@ class PhaseModel:
         self.model = model
         count = len(model.molar_mass)
         # Rows are summed by their weight: of a component, or of a pair with a departure function.
-        keys = [
-            (int(first), int(second), float(factor))
-            for weights in model.weights.values()
-            for first, second, factor in zip(*weights, strict=True)
-        ]
+        keys = []
+        for weights in model.weights.values():
+            for first, second, factor in zip(*weights, strict=True):
+                keys.append((int(first), int(second), float(factor)))
         groups = sorted(set(keys))
         place = {key: index for index, key in enumerate(groups)}
         self._first = np.array([first for first, _, _ in groups])
@@ -148,10 +147,12 @@ class PhaseModel:
             _RULES[family](table.T, tau, delta, log_tau, log_delta)
             for family, table in self.model.residual.items()
         ]
-        return [
-            np.add.reduceat(np.concatenate(parts, axis=1)[:, self._order], self._starts, axis=1)
-            for parts in zip(*rows, strict=True)
-        ]
+
+        def by_group(parts):
+            terms = np.concatenate(parts, axis=1)[:, self._order]
+            return np.add.reduceat(terms, self._starts, axis=1)
+
+        return list(map(by_group, zip(*rows, strict=True)))
 
 
 def _power(columns, tau, delta, log_tau, log_delta):
@@ -237,6 +238,8 @@ def _misfit(model: PhaseModel, T, z, unknowns):
 
 
 def _jacobian(model: PhaseModel, T, z, unknowns):
+    # By complex steps: exact to rounding, where differences would lose half of the digits and a rule
+    # written out would be a second set of terms.
     columns = []
     for column in range(unknowns.shape[1]):
         moved = unknowns.astype(complex)
@@ -260,7 +263,9 @@ def solved(model: PhaseModel, z, line: Line, steps: int = 40) -> tuple[Line, NDA
         value = _misfit(model, T, z, unknowns)
         jacobian = _jacobian(model, T, z, unknowns)
         good = np.isfinite(jacobian).all((1, 2)) & np.isfinite(value).all(1)
-        jacobian[~good], value[~good] = np.eye(value.shape[1]), np.nan
+        # a point that is lost must not stop the solution of all others, which go through together
+        jacobian[~good] = np.eye(value.shape[1])
+        value[~good] = np.nan
         try:
             step = np.linalg.solve(jacobian, value[..., None])[..., 0]
         except np.linalg.LinAlgError:
@@ -270,6 +275,7 @@ def solved(model: PhaseModel, z, line: Line, steps: int = 40) -> tuple[Line, NDA
         unknowns = unknowns - step * np.minimum(1.0, 0.3 / np.maximum(change, 1e-300))[:, None]
         if not (change > _SETTLED).any():
             break
+    # two phases of one density are the trivial solution, which satisfies every equation
     apart = np.abs(unknowns[:, 0] - unknowns[:, 1]) > 1e-3
     return Line(T, unknowns), (change < 1e3 * _SETTLED) & apart
 
@@ -293,18 +299,21 @@ def wilson_pressures(components, T: float) -> NDArray:
 
 def _density(model: PhaseModel, T, p, x, liquid: bool):
     """[mol/m^3] of one phase: from far below the gas's density, or from above the liquid's."""
-    one = np.array([T])
+    temperature = np.array([T])
     row = x[None]
     gas_constant = model.model.gas_constant
     _, v_r, *_ = model.reducing(row)
-    logarithm = np.log(3.2 / v_r[0]) if liquid else np.log(p / (gas_constant * T))
+    logarithm = np.log(p / (gas_constant * T))
+    longest = -0.5, 0.3
+    if liquid:
+        # a liquid's pressure rises so steeply that a longer step would leave the phase
+        logarithm = np.log(3.2 / v_r[0])
+        longest = -0.1, 0.02
     for _ in range(60):
         moved = np.array([logarithm + 1j * _STEP])
-        pressure = model.phase(one.astype(complex), np.exp(moved), row).pressure[0]
+        pressure = model.phase(temperature.astype(complex), np.exp(moved), row).pressure[0]
         slope = max(pressure.imag / _STEP, 1e-3 * gas_constant * T * np.exp(logarithm))
-        step = np.clip(
-            (p - pressure.real) / slope, -0.1 if liquid else -0.5, 0.02 if liquid else 0.3
-        )
+        step = np.clip((p - pressure.real) / slope, *longest)
         logarithm += step
         if abs(step) < 1e-9:
             break
@@ -314,18 +323,21 @@ def _density(model: PhaseModel, T, p, x, liquid: bool):
 def first_point(model: PhaseModel, components, T: float, z, dew: bool) -> tuple[Line, NDArray]:
     """A dew or bubble point at a temperature [K] from Wilson's and some substitutions."""
     pure = wilson_pressures(components, T)
-    pressure = 1 / (z / pure).sum() if dew else (z * pure).sum()
-    other = z * pressure / pure if dew else z * pure / pressure
+    # Raoult's law: at the dew point the liquid has x_i = z_i p/p_i, at the bubble point the vapour
+    # y_i = z_i p_i/p
+    if dew:
+        pressure = 1 / (z / pure).sum()
+        other = z * pressure / pure
+    else:
+        pressure = (z * pure).sum()
+        other = z * pure / pressure
     densities = np.zeros(2)
     for _ in range(12):
         other = np.maximum(other / other.sum(), _FEW)
         rows = np.stack([z, other])
-        densities = np.array(
-            [
-                _density(model, T, pressure, z, liquid=not dew),
-                _density(model, T, pressure, other, liquid=dew),
-            ]
-        )
+        of_mixture = _density(model, T, pressure, z, liquid=not dew)
+        of_other = _density(model, T, pressure, other, liquid=dew)
+        densities = np.array([of_mixture, of_other])
         phases = model.phase(np.full(2, T), np.exp(densities), rows)
         # f_i = x_i phi_i p in both: what the other phase should have of each component
         ratio = np.exp(phases.log_fugacity[0] - phases.log_fugacity[1])
@@ -352,7 +364,8 @@ def march_beside(model: PhaseModel, z, neighbour: Line) -> Line | None:
     apart = [separation(unknowns) > _NEAR_CRITICAL for unknowns in line.unknowns]
     near = np.abs(line.unknowns[:, :2] - neighbour.unknowns[:, :2]).max(1) < 0.5
     usable = good & near & np.array(apart)
-    count = usable.size if usable.all() else int(np.argmin(usable))
+    # up to the first that is not: a line has no holes
+    count = int(np.argmin(np.append(usable, False)))
     if count < 2:
         return None
     return _continued(model, z, Line(line.T[:count], line.unknowns[:count]))
@@ -370,13 +383,13 @@ def _continued(model: PhaseModel, z, line: Line) -> Line:
             # in 1/T, over which all unknowns are nearly straight
             share = (1 / after - 1 / T[-1]) / (1 / T[-1] - 1 / T[-2])
             start = start + share * (points[-1] - points[-2])
-        found, good = solved(model, z[None], Line(np.array([after]), start[None]), 12)
-        if not good[0] or np.abs(found.unknowns[0, :2] - start[:2]).max() > 0.5:
+        point, good = solved(model, z[None], Line(np.array([after]), start[None]), 12)
+        if not good[0] or np.abs(point.unknowns[0, :2] - start[:2]).max() > 0.5:
             step /= 2
             continue
-        points.append(found.unknowns[0])
+        points.append(point.unknowns[0])
         T.append(after)
-        if separation(found.unknowns[0]) < _NEAR_CRITICAL:
+        if separation(point.unknowns[0]) < _NEAR_CRITICAL:
             break
     return Line(np.array(T), np.array(points))
 

@@ -104,15 +104,15 @@ def _misfit(phases: PhaseModel, unknowns: NDArray, inputs: _Inputs) -> NDArray:
     temperatures = np.array([T, T])
     densities = np.array([liquid_density, vapour_density])
     fractions = np.stack([x, y])
-    both = phases.phase(temperatures, densities, fractions)
-    enthalpy = phases.enthalpy(temperatures, densities, fractions, both)
+    both_phases = phases.phase(temperatures, densities, fractions)
+    enthalpy = phases.enthalpy(temperatures, densities, fractions, both_phases)
     thermal = phases.model.gas_constant * T
     # the liquid's pressure is a difference of large terms: over that of the vapour all the same
-    pressures = (both.pressure - inputs.pressure) / (thermal * vapour_density)
+    pressures = (both_phases.pressure - inputs.pressure) / (thermal * vapour_density)
     mixed = (1 - share) * enthalpy[0] + share * enthalpy[1]
     return np.concatenate(
         [
-            both.log_fugacity[0] - both.log_fugacity[1],
+            both_phases.log_fugacity[0] - both_phases.log_fugacity[1],
             pressures,
             (1 - share) * x + share * y - z,
             [x.sum() - 1, (mixed - mass * inputs.enthalpy) / thermal],
@@ -151,16 +151,16 @@ def evaporator(
         (4 + n,) the dew temperature [K], and the temperature behind the expansion [K] with its
         derivatives to pressure, enthalpy and mass fractions; not a number where there is none.
     """
-    nothing = np.full(4 + mass_fractions.size, np.nan)
+    no_solution = np.full(4 + mass_fractions.size, np.nan)
     phases = PhaseModel(multi_fluid(components, model))
     z = np.maximum(phases.model.mole_fractions(mass_fractions), _FEW)
     low, _, high = ends
     if not low < mean < high:
-        return nothing
+        return no_solution
     with np.errstate(all="ignore"):
         bubble, good = first_point(phases, components, mean, z, dew=False)
         if not good[0]:
-            return nothing
+            return no_solution
         liquid, vapour, *log_y = bubble.unknowns[0]
         ratio = np.exp(log_y) / z
         x = z / (1 + _FIRST_SHARE * (ratio - 1))
@@ -175,7 +175,7 @@ def evaporator(
             p = float(np.exp(logarithm))
             state = expanded(phases, mass_fractions, p, h, unknowns)
             if state is None:
-                return nothing
+                return no_solution
             step = (state.T + T - 2 * mean) / (state.by_pressure * p * float(slope) + 1)
             unknowns = state.unknowns
             T = T - step
@@ -183,4 +183,4 @@ def evaporator(
                 return np.array(
                     [T, state.T, state.by_pressure, state.by_enthalpy, *state.by_fractions]
                 )
-    return nothing
+    return no_solution

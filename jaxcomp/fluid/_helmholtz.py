@@ -60,19 +60,21 @@ def fluid_data(name: str) -> dict:
     """
     path = files(__package__).joinpath("data", f"{name}.json")
     if not path.is_file():
-        raise BadInput("name", f'"{name}"', _known(name))
+        raise BadInput("name", f'"{name}"', _known_names(name))
     return arrays(json.loads(path.read_text()))
 
 
-def _known(name: str) -> str:
+def _known_names(name: str) -> str:
     """The fluids as the bound of a name, with the one that is near by its name or its chemical name."""
     blends = files(__package__).joinpath("data", "mixtures", "blends.json")
-    spelt = {blend.lower(): blend for blend in json.loads(blends.read_text())}
-    spelt |= {fluid.lower(): fluid for fluid in fluids()}
-    spelt |= {fluid_data(fluid)["description"]: fluid for fluid in fluids()}
-    near = spelt.get(nearest(name.lower(), spelt) or "")
-    others = f"{len(fluids()) - len(_USUAL)} others, which `jaxcomp list fluids` names, or a blend"
-    return f"one of {', '.join(_USUAL)}, {others}" + (f' (did you mean "{near}"?)' if near else "")
+    spellings = {blend.lower(): blend for blend in json.loads(blends.read_text())}
+    spellings |= {fluid.lower(): fluid for fluid in fluids()}
+    spellings |= {fluid_data(fluid)["description"]: fluid for fluid in fluids()}
+    further = f"{len(fluids()) - len(_USUAL)} others, which `jaxcomp list fluids` names, or a blend"
+    bound = f"one of {', '.join(_USUAL)}, {further}"
+    if near := nearest(name.lower(), spellings):
+        bound += f' (did you mean "{spellings[near]}"?)'
+    return bound
 
 
 def arrays(tree: Any) -> Any:
@@ -143,7 +145,8 @@ def _columns(rows: np.ndarray | Weighted, like) -> list:
 
 def ideal_terms(ideal: Mapping[str, Any], tau, delta):
     """a0, tau a0_tau, tau^2 a0_tautau."""
-    (a1, a2), c = ideal["lead"], ideal["log"]
+    a1, a2 = ideal["lead"]
+    c = ideal["log"]
     log = jnp.log(tau)
     value = jnp.log(delta) + a1 + a2 * tau + c * log
     first = a2 * tau + c
@@ -157,10 +160,10 @@ def ideal_terms(ideal: Mapping[str, Any], tau, delta):
     if ideal["planck"].size:
         n, c, d, theta = _columns(ideal["planck"], tau)
         e = d * jnp.exp(theta * tau)
-        whole = c + e
-        value = value + jnp.sum(n * jnp.log(whole), 0)
-        first = first + jnp.sum(n * theta * tau * e / whole, 0)
-        second = second + jnp.sum(n * c * (theta * tau) ** 2 * e / whole**2, 0)
+        denominator = c + e
+        value = value + jnp.sum(n * jnp.log(denominator), 0)
+        first = first + jnp.sum(n * theta * tau * e / denominator, 0)
+        second = second + jnp.sum(n * c * (theta * tau) ** 2 * e / denominator**2, 0)
     return value, first, second
 
 
@@ -180,9 +183,11 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
             power, g, m = columns[3:6]
             x = g * jnp.exp(power * log_delta)
             y = jnp.where(m > 0, jnp.exp(m * log_tau), 0.0)
-            q, q_1 = d - power * x, -(power**2) * x
-            r, r_1 = t - m * y, -(m**2) * y
-            more = -x - y
+            q = d - power * x
+            q_1 = -(power**2) * x
+            r = t - m * y
+            r_1 = -(m**2) * y
+            exponent = -x - y
         elif family == "power":
             # delta^l of the few whole numbers l that occur, without an exponential; l = 0 marks terms
             # that have no exp(-delta^l)
@@ -191,8 +196,9 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
             power = columns[3]
             q = d - power * x
             q_1 = -power * power * x
-            r, r_1 = t, 0.0
-            more = -x
+            r = t
+            r_1 = 0.0
+            exponent = -x
         else:
             eta, epsilon, beta, gamma = columns[3:7]
             off = delta - epsilon
@@ -200,16 +206,22 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
             if family == "gao":
                 # the published eta is negative here and stands without a minus sign
                 base = columns[7] + beta * far**2
-                q, q_1 = d + 2 * eta * delta * off, 2 * eta * delta * (2 * delta - epsilon)
+                q = d + 2 * eta * delta * off
+                q_1 = 2 * eta * delta * (2 * delta - epsilon)
                 g_1 = -2 * beta * far / base**2
                 g_2 = 8 * beta**2 * far**2 / base**3 - 2 * beta / base**2
-                more = eta * off**2 + 1 / base
+                exponent = eta * off**2 + 1 / base
             else:
-                q, q_1 = d - 2 * eta * delta * off, -2 * eta * delta * (2 * delta - epsilon)
-                g_1, g_2 = -2 * beta * far, -2 * beta
-                more = -eta * off**2 - beta * far**2
-            r, r_1 = t + tau * g_1, tau * g_1 + tau**2 * g_2
-        x = n * jnp.exp(t * log_tau + d * log_delta + more)
+                q = d - 2 * eta * delta * off
+                q_1 = -2 * eta * delta * (2 * delta - epsilon)
+                g_1 = -2 * beta * far
+                g_2 = -2 * beta
+                exponent = -eta * off**2 - beta * far**2
+            r = t + tau * g_1
+            r_1 = tau * g_1 + tau**2 * g_2
+        # Each term is exp(f): with q = delta f_delta and q_1 = delta q_delta the derivatives times
+        # powers of delta are x q and x (q (q - 1) + q_1), and so r along tau.
+        x = n * jnp.exp(t * log_tau + d * log_delta + exponent)
         rows = (x, x * q, x * (q * (q - 1) + q_1), x * r, x * (r * (r - 1) + r_1), x * q * r)
         total.append([jnp.sum(row, 0) for row in rows])
     return [sum(rows) for rows in zip(*total, strict=True)]
@@ -228,11 +240,12 @@ def _non_analytic(columns, tau, delta):
         return jnp.sum(n * distance**b * delta * jnp.exp(-C * off - D * (tau - 1) ** 2), axis=0)
 
     def along(f, which):
-        one = [jnp.zeros_like(tau), jnp.zeros_like(tau)]
-        one[which] = jnp.ones_like(tau)
-        return lambda tau, delta: jax.jvp(f, (tau, delta), tuple(one))[1]
+        direction = [jnp.zeros_like(tau), jnp.zeros_like(tau)]
+        direction[which] = jnp.ones_like(tau)
+        return lambda tau, delta: jax.jvp(f, (tau, delta), tuple(direction))[1]
 
-    f_t, f_d = along(term, 0), along(term, 1)
+    f_t = along(term, 0)
+    f_d = along(term, 1)
     return [
         term(tau, delta),
         delta * f_d(tau, delta),

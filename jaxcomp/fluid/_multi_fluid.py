@@ -16,6 +16,8 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from itertools import combinations
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -218,18 +220,14 @@ def pair_of(first: str, second: str, model: str = REFERENCE) -> Pair:
 def _means(names: Sequence[str]) -> tuple[float, float]:
     """[K] Geometric mean of the reducing temperatures, [m^3/mol] cubic mean of the volumes."""
     data = [fluid_data(name) for name in names]
-    T = [one["T_r"] for one in data]
-    edges = [(one["molar_mass"] / one["rho_r"]) ** (1 / 3) for one in data]
+    T = [fluid["T_r"] for fluid in data]
+    edges = [(fluid["molar_mass"] / fluid["rho_r"]) ** (1 / 3) for fluid in data]
     return float(np.sqrt(T[0] * T[1])), sum(edges) ** 3 / 8
 
 
 def pairs_of(components: Sequence[str], model: str = REFERENCE) -> list[Pair]:
     """All pairs of components."""
-    return [
-        pair_of(first, second, model)
-        for row, first in enumerate(components)
-        for second in components[row + 1 :]
-    ]
+    return [pair_of(first, second, model) for first, second in combinations(components, 2)]
 
 
 def in_gerg(components: Sequence[str]) -> bool:
@@ -283,7 +281,9 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
     parts = [_component(name, model) for name in components]
     pairs = pairs_of(components, model)
     place = {name: index for index, name in enumerate(components)}
-    gas_constant = mixture_file("gerg2008")["gas_constant"] if model == GERG else GAS_CONSTANT
+    gas_constant = GAS_CONSTANT
+    if model == GERG:
+        gas_constant = mixture_file("gerg2008")["gas_constant"]
     T_r = np.array([part.T_r for part in parts])
     v_r = np.array([part.v_r for part in parts])
     residual, weights = _residual_table(parts, pairs, place, model)
@@ -298,7 +298,7 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
         molar_mass=np.array([part.molar_mass for part in parts]),
         T_r=T_r,
         v_r=v_r,
-        pairs=np.array([[place[name] for name in pair.names] for pair in pairs]).T,
+        pairs=np.array([list(map(place.get, pair.names)) for pair in pairs]).T,
         shape_T=np.array([pair.shape_T for pair in pairs]),
         mean_T=np.array([pair.mean_T for pair in pairs]),
         shape_v=np.array([pair.shape_v for pair in pairs]),
@@ -317,9 +317,9 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
 
 def _residual_table(parts, pairs: Sequence[Pair], place, model: str):
     """Rows of all components and departure functions by family, and the weights of the rows."""
-    functions = (
-        mixture_file("gerg2008")["functions"] if model == GERG else mixture_file("departures")
-    )
+    functions = mixture_file("departures")
+    if model == GERG:
+        functions = mixture_file("gerg2008")["functions"]
     tables: dict[str, list] = {}
     places: dict[str, list] = {}
 
@@ -366,9 +366,9 @@ def _limits(components: Sequence[str], model: str):
         return tuple(table[key] for key in ("T_least", "T_most", "p_most")), (GERG,) * 3
     data = [fluid_data(name) for name in components]
     ends = [
-        max(data, key=lambda one: one["T_least"]),
-        min(data, key=lambda one: one["T_most"]),
-        min(data, key=lambda one: one["p_most"]),
+        max(data, key=itemgetter("T_least")),
+        min(data, key=itemgetter("T_most")),
+        min(data, key=itemgetter("p_most")),
     ]
     keys = ("T_least", "T_most", "p_most")
     values = tuple(float(end[key]) for end, key in zip(ends, keys, strict=True))
@@ -385,10 +385,10 @@ def checked_pairs(
     """
     unknown = [pair for pair in pairs_of(components, model) if pair.quality == "none"]
     if unknown and not estimate_pairs:
-        told = " and ".join("/".join(pair.names) for pair in unknown)
+        pair_names = " and ".join("/".join(pair.names) for pair in unknown)
         bound = (
-            f"a mixture of pairs with known parameters; there are none for {told}. In a section of type "
-            '"mixture", `estimate_pairs = true` takes Lorentz and Berthelot\'s rules for them, which may '
+            f"a mixture of pairs with known parameters; there are none for {pair_names}. In a section "
+            'of type "mixture", `estimate_pairs = true` takes Lorentz and Berthelot\'s rules for them, which may '
             "err by tens of per cent in pressure"
         )
         raise BadInput(name, ", ".join(components), bound)

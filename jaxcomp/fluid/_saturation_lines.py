@@ -137,7 +137,9 @@ def solve_lines(
         top = _END * critical
         if top < least + 20 or any(line.T[-1] < top for line in marched):
             return None
-        middle = _MIDDLE_T if least + 20 < _MIDDLE_T < top - 10 else (least + top) / 2
+        middle = _MIDDLE_T
+        if not least + 20 < middle < top - 10:
+            middle = (least + top) / 2
         ends = np.array([least, middle, top])
         # (n + 1, panel, 2, nodes): value and slopes, of pressure and density
         dew, bubble = (_fitted(phases, mass_fractions, line, ends) for line in marched)
@@ -188,25 +190,25 @@ def _long_enough(dew: Line | None, bubble: Line | None) -> tuple[Line, Line] | N
 
 def _critical(line: Line) -> float:
     """[K] Where the densities of both phases meet: their difference goes with the cube root."""
-    first, last = (separation(unknowns) ** 3 for unknowns in line.unknowns[-2:])
-    return line.T[-1] + (line.T[-1] - line.T[-2]) * last / (first - last)
+    cube_before, last_cube = (separation(unknowns) ** 3 for unknowns in line.unknowns[-2:])
+    return line.T[-1] + (line.T[-1] - line.T[-2]) * last_cube / (cube_before - last_cube)
 
 
 def _fitted(phases: PhaseModel, mass_fractions, line: Line, ends) -> np.ndarray | None:
     """(n + 1, panel, 2, nodes) coefficients of ln(p) and ln(rho) and their derivatives along a line."""
     angles = np.pi * (np.arange(NODES) + 0.5) / NODES
     s = np.cos(angles)
-    inverse = np.concatenate(
-        [1 / low + (s + 1) / 2 * (1 / high - 1 / low) for low, high in pairwise(ends)]
-    )
+    # in 1/T, over which the logarithms of pressure and density are nearly straight
+    panels = pairwise(1 / np.asarray(ends))
+    inverse = np.concatenate([low + (s + 1) / 2 * (high - low) for low, high in panels])
     T = 1 / inverse
     rows = [np.interp(-inverse, -1 / line.T, column) for column in line.unknowns.T]
     z = np.tile(phases.model.mole_fractions(mass_fractions), (T.size, 1))
     z = np.maximum(z, 1e-12)
-    found, good = solved(phases, z, Line(T, np.stack(rows, axis=1)))
+    points, good = solved(phases, z, Line(T, np.stack(rows, axis=1)))
     if not good.all():
         return None
-    values = line_slopes(phases, mass_fractions, found)
+    values = line_slopes(phases, mass_fractions, points)
     # (n + 1, 2, panel, nodes) at the nodes; their cosine transform has the coefficients
     values = values.reshape(*values.shape[:2], 2, NODES)
     cosines = np.cos(np.arange(NODES)[:, None] * angles) * 2 / NODES

@@ -37,14 +37,12 @@ class TransportFits(NamedTuple):
 def transport_fits(components: tuple[str, ...]) -> TransportFits:
     """Polynomials of components."""
     data = [fluid_data(name) for name in components]
-    fits = [one["transport"] for one in data]
+    fits = [fluid["transport"] for fluid in data]
     return TransportFits(
-        molar_mass=np.array([one["molar_mass"] for one in data]),
-        T_r=np.array([one["T_r"] for one in data]),
+        molar_mass=np.array([fluid["molar_mass"] for fluid in data]),
+        T_r=np.array([fluid["T_r"] for fluid in data]),
         T=np.array([fit["T"] for fit in fits]),
-        density_most=np.array(
-            [fit["rho_most"] / one["rho_r"] for fit, one in zip(fits, data, strict=True)]
-        ),
+        density_most=np.array([fluid["transport"]["rho_most"] / fluid["rho_r"] for fluid in data]),
         viscosity=np.array([fit["viscosity"] for fit in fits]),
         conductivity=np.array([fit["conductivity"] for fit in fits]),
     )
@@ -78,6 +76,7 @@ def mixed_transport(components: tuple[str, ...], x, T, reduced_density):
         return total
 
     viscosity, conductivity = (values(table, 0.0) for table in (fits.viscosity, fits.conductivity))
+    # Wilke's rule: each component is hindered by all others, by their viscosities and masses
     mass = fits.molar_mass
     ratio = viscosity[:, None] / viscosity[None, :]
     masses = (mass[:, None] / mass[None, :]).reshape((mass.size, mass.size) + (1,) * T.ndim)

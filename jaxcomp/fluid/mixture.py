@@ -107,10 +107,9 @@ class Mixture(AbstractRealGas):
         components, fractions, by_amount = _composition(mass_fractions, mole_fractions, components)
         model = model or (GERG if in_gerg(components) else REFERENCE)
         if model == GERG and not in_gerg(components):
-            outside = [one for one in components if not in_gerg([one])]
-            raise BadInput(
-                "model", f'"{model}"', f'"{REFERENCE}": GERG-2008 is without {outside[0]}'
-            )
+            outside = next(component for component in components if not in_gerg([component]))
+            bound = f'"{REFERENCE}": GERG-2008 is without {outside}'
+            raise BadInput("model", f'"{model}"', bound)
         checked_pairs(components, model, estimate_pairs, "name" if name else "components")
         table = multi_fluid(components, model)
         _check_name(name, table, components, fractions, by_amount)
@@ -118,17 +117,17 @@ class Mixture(AbstractRealGas):
         self.model = model
         self.estimate_pairs = estimate_pairs
         self.name = name or "/".join(components)
-        fractions = table.mass_fractions(fractions) if by_amount else fractions / fractions.sum()
+        fractions = _by_mass(table, fractions, by_amount)
         self.mass_fractions = jnp.asarray(fractions)
         self.mole_fractions = None
         if is_traced(fractions):
             raise BadInput(
                 "mass_fractions", "traced", "known where a mixture is made: its lines are solved"
             )
-        known = np.asarray(fractions)
+        composition = np.asarray(fractions)
         if lines is None and model == REFERENCE:
-            lines = stored_lines(components, known)
-        lines = lines or solve_lines(components, known, model)
+            lines = stored_lines(components, composition)
+        lines = lines or solve_lines(components, composition, model)
         self.lines = jax.tree.map(jnp.asarray, lines)
 
     @classmethod
@@ -224,10 +223,10 @@ class Mixture(AbstractRealGas):
             bound = f"fractions of at most {len(fractions) - 1} components: the last one follows"
             raise BadInput(kind, ", ".join(fractions), bound)
         places = np.array([self.place_of(component) for component in fractions])
-        others = np.setdiff1d(np.arange(len(self.components or ())), places)
+        followers = np.setdiff1d(np.arange(len(self.components or ())), places)
         old = self._normalised if kind == "mass_fractions" else self._amounts
         moved = jnp.stack([jnp.asarray(value, float) for value in fractions.values()])
-        share = (1 - moved.sum()) / old[others].sum()
+        share = (1 - moved.sum()) / old[followers].sum()
         new = (old * share).at[places].set(moved)
         w = new if kind == "mass_fractions" else table.mass_fractions(new)
         lines = None if self.lines is None else self._lines_at(w)
@@ -296,16 +295,16 @@ class Mixture(AbstractRealGas):
                 condenses. Within `jit` the result is then near the limit of the metastable gas.
         """
         if not any(map(is_traced, (T, p, self.mass_fractions))):
-            low, high, most = self.table.limits
+            low, high, highest = self.table.limits
             self._require("T", T, Bound(low, high), f"K, the range of {self._limited_by(T)} in")
             why = f"Pa at {T:g} K, for gas of"
             if self.condenses and np.all(np.less(T, self.critical_temperature)):
-                most = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
+                highest = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
                 if np.all(np.less(p, self.critical_pressure)):
                     dew = float(self.dew_temperature(p))
-                    told = f"the dew temperature at that pressure is {dew:.5g} K"
-                    why = f"Pa at {T:g} K, as {told}, for gas of"
-            self._require("p", p, Bound(0.0, most, low_open=True), why)
+                    dew_point = f"the dew temperature at that pressure is {dew:.5g} K"
+                    why = f"Pa at {T:g} K, as {dew_point}, for gas of"
+            self._require("p", p, Bound(0.0, highest, low_open=True), why)
         return super().density(T, p)
 
     def _limited_by(self, T) -> str:
@@ -358,10 +357,10 @@ class Mixture(AbstractRealGas):
     def bubble_pressure(self, T):
         return self._pressure(T, BUBBLE_PRESSURE)
 
-    def _curve(self, which: int, *known):
+    def _curve(self, which: int, *inputs):
         """Coefficients of a curve, its ends, and the tools for them: NumPy where all is known."""
         lines = self._lines
-        tools = jnp if any(map(is_traced, (lines.ends, self.mass_fractions, *known))) else np
+        tools = jnp if any(map(is_traced, (lines.ends, self.mass_fractions, *inputs))) else np
         ends = np.asarray(lines.ends) if tools is np else lines.ends
         return lines.at(self._normalised, tools)[:, which], ends, tools
 
@@ -398,18 +397,18 @@ class Mixture(AbstractRealGas):
         def dew(mean, h):
             w = self._normalised
             coefficients, ends, _ = self._curve(DEW_PRESSURE, jnp.asarray(mean))
-            known = jax.lax.stop_gradient((w, coefficients, ends, mean, h))
+            inputs = jax.lax.stop_gradient((w, coefficients, ends, mean, h))
             like = jax.ShapeDtypeStruct((4 + w.size,), float)
-            point = jax.pure_callback(on_host, like, *known, vmap_method="sequential")
-            found, inlet, by_pressure, by_enthalpy, *by_fractions = point
+            point = jax.pure_callback(on_host, like, *inputs, vmap_method="sequential")
+            T_dew, inlet, by_pressure, by_enthalpy, *by_fractions = point
             # One step of Newton's method from the root, of which only the derivatives are left.
-            logarithm, slope = curve(coefficients, ends, found)
+            logarithm, slope = curve(coefficients, ends, T_dew)
             p = jnp.exp(logarithm)
             at_root = jax.lax.stop_gradient(p)
-            inlet = inlet + by_pressure * (p - at_root) + by_enthalpy * (h - known[-1])
-            inlet = inlet + jnp.stack(by_fractions) @ (w - known[0])
-            whole = 1 + jax.lax.stop_gradient(by_pressure * p * slope)
-            return found - (inlet + found - 2 * mean) / whole
+            inlet = inlet + by_pressure * (p - at_root) + by_enthalpy * (h - inputs[-1])
+            inlet = inlet + jnp.stack(by_fractions) @ (w - inputs[0])
+            slope_of_mean = 1 + jax.lax.stop_gradient(by_pressure * p * slope)
+            return T_dew - (inlet + T_dew - 2 * mean) / slope_of_mean
 
         if not any(map(is_traced, jax.tree.leaves((self, T, h)))) and np.ndim(T) == np.ndim(h) == 0:
             coefficients, ends, _ = self._curve(DEW_PRESSURE, T)
@@ -464,8 +463,8 @@ class Mixture(AbstractRealGas):
         return (ends[2] > T) & (rho > _MARGIN * dew)
 
 
-def _evaporator_on_host(components, model, *known) -> np.ndarray:
-    numbers = [np.asarray(number, float) for number in known]
+def _evaporator_on_host(components, model, *inputs) -> np.ndarray:
+    numbers = [np.asarray(number, float) for number in inputs]
     return evaporator(components, model, *numbers)
 
 
@@ -502,15 +501,23 @@ def _check_name(name: str, table: MultiFluid, components, fractions, by_amount: 
     """
     if name not in blends():
         return
-    w = table.mass_fractions(fractions) if by_amount else fractions / fractions.sum()
+    w = _by_mass(table, fractions, by_amount)
     listed = blends()[name].mass_fractions
-    own = dict(zip(components, w, strict=True))
-    names = own.keys() | listed.keys()
-    if any(abs(own.get(one, 0.0) - listed.get(one, 0.0)) > _NAMED for one in names):
+    fractions_of = dict(zip(components, w, strict=True))
+    names = fractions_of.keys() | listed.keys()
+    differences = (fractions_of.get(name, 0.0) - listed.get(name, 0.0) for name in names)
+    if max(map(abs, differences)) > _NAMED:
         bound = (
             f"a name of your own: {name} has another composition; leave the fractions out for it"
         )
         raise BadInput("name", f'"{name}"', bound)
+
+
+def _by_mass(table: MultiFluid, fractions, by_amount: bool):
+    """Mass fractions of sum one, of fractions that may be by amount or off by a rounding."""
+    if by_amount:
+        return table.mass_fractions(fractions)
+    return fractions / fractions.sum()
 
 
 def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.ndarray, bool]:
@@ -528,7 +535,7 @@ def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.nd
         fractions = list(fractions.values())
     if not components:
         raise BadInput("components", "absent", "given, or a table of fractions by component")
-    names = tuple(component_name(one) for one in components)
+    names = tuple(map(component_name, components))
     fractions = np.asarray(fractions, float)
     if fractions.shape != (len(names),):
         raise BadInput(key, fractions, f"one for each of the {len(names)} components")

@@ -160,11 +160,11 @@ class RealGas(AbstractRealGas):
         """
         if not is_traced(T) and not is_traced(p):
             self._require("T", T, Bound(*self.temperature_range), "K, the range of")
-            most = self.data["p_most"]
+            highest = self.data["p_most"]
             if np.all(np.less(T, self.critical_temperature)):
                 # what a pressure in few digits may be above saturation
-                most = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
-            self._require("p", p, Bound(0.0, most, low_open=True), f"Pa at {T:g} K, for gas of")
+                highest = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
+            self._require("p", p, Bound(0.0, highest, low_open=True), f"Pa at {T:g} K, for gas of")
         return super().density(T, p)
 
     def boiling_density(self, T):
@@ -190,9 +190,9 @@ class RealGas(AbstractRealGas):
         pressures are those of the ancillary curves, and the densities fit them.
         """
         data = self.data
-        given = jnp.log(jnp.asarray(p if T is None else T))
+        log_input = jnp.log(jnp.asarray(p if T is None else T))
 
-        def misfit(unknowns, given):
+        def misfit(unknowns, log_input):
             T, liquid, vapour = jnp.exp(unknowns)
             liquid = self.state(T, liquid)
             vapour = self.state(T, vapour)
@@ -205,34 +205,37 @@ class RealGas(AbstractRealGas):
                 gibbs = liquid.h - T * liquid.s - vapour.h + T * vapour.s
                 # Energies over the vapour's p/rho, so that all rows are relative.
                 balance = [(liquid.p - vapour.p) / dew, gibbs * vapour.rho / dew]
-            last = jnp.log(dew) - given if p is not None else unknowns[0] - given
-            return jnp.stack([*balance, last])
+            # the pressure or the temperature that is given closes the system
+            closure = unknowns[0] - log_input if p is None else jnp.log(dew) - log_input
+            return jnp.stack([*balance, closure])
 
-        def solve(given):
+        def solve(log_input):
             curve = data["dew_pressure"]
-            low, high = np.log(data["T_least"]), np.log(0.9999 * data["T_critical"])
+            # short of the critical point, where both phases are one and the Jacobian is singular
+            low = np.log(data["T_least"])
+            high = np.log(0.9999 * data["T_critical"])
 
             def rough(_, x):
                 def value(x):
-                    return jnp.log(ancillary(curve, jnp.exp(x))) - given
+                    return jnp.log(ancillary(curve, jnp.exp(x))) - log_input
 
                 misfit, slope = jax.value_and_grad(value)(x)
                 return jnp.clip(x - misfit / slope, low, high)
 
-            log_T = given
+            log_T = log_input
             if p is not None:
-                log_T = lax.fori_loop(0, 12, rough, high - 0.25 + 0 * given)
+                log_T = lax.fori_loop(0, 12, rough, high - 0.25 + 0 * log_input)
             keys = ("liquid_density", "vapour_density")
             guess = [jnp.log(ancillary(data[key], jnp.exp(log_T))) for key in keys]
 
             def newton(_, unknowns):
-                jacobian = jax.jacfwd(misfit)(unknowns, given)
-                step = jnp.linalg.solve(jacobian, misfit(unknowns, given))
+                jacobian = jax.jacfwd(misfit)(unknowns, log_input)
+                step = jnp.linalg.solve(jacobian, misfit(unknowns, log_input))
                 return unknowns - jnp.clip(jnp.nan_to_num(step), -0.1, 0.1)
 
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
 
-        T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, given)))
+        T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, log_input)))
         pressure = self.state(T, vapour).p
         boiling = self._bubble_point(pressure, T) if data["pseudo_pure"] else T
         return Saturation(T, pressure, liquid, vapour, boiling)
