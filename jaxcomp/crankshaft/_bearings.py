@@ -76,10 +76,11 @@ class MainBearings(Part):
 
     def __post_init__(self):
         if self.names is None and isinstance(self.bearings, tuple):
-            self.names = tuple(
-                one.name if isinstance(one, NamedBearing) else f"main_{number}"
-                for number, one in enumerate(self.bearings, 1)
-            )
+            names = []
+            for number, bearing in enumerate(self.bearings, 1):
+                named = isinstance(bearing, NamedBearing)
+                names.append(bearing.name if named else f"main_{number}")
+            self.names = tuple(names)
 
     def __check_init__(self):
         count = len(self.bearings)
@@ -124,9 +125,9 @@ class MainBearings(Part):
         """Shares of each bearing of a force at the origin [-] and of a moment there [1/m]."""
         if self.shaft != "rigid" and len(self.bearings) > 2:
             zero = jnp.zeros(1)
-            one = jnp.ones(1)
+            unit = jnp.ones(1)
             # A moment is a couple of forces close together, of which each bearing takes the slope.
-            share, lever = jax.jvp(self.influence, (zero,), (one,))
+            share, lever = jax.jvp(self.influence, (zero,), (unit,))
             return list(zip(share[:, 0], lever[:, 0], strict=True))
         return shares(self.bearings, self._positions())
 
@@ -155,10 +156,12 @@ class MainBearings(Part):
             losses = [loss(bearing, x[None], y[None])[0] for bearing, x, y in each]
         else:
             losses = mapped(loss, self.bearings, *forces)
-        found = dict(zip(reactions, losses, strict=True))
+        friction = dict(zip(reactions, losses, strict=True))
         drags = {"thrust_bearing": self.thrust_bearing, "pump": self.pump}
         weight = mass * STANDARD_GRAVITY
-        return found | {n: law.moment(rate, weight) for n, law in drags.items() if law is not None}
+        return friction | {
+            n: law.moment(rate, weight) for n, law in drags.items() if law is not None
+        }
 
 
 def shaft_losses(
@@ -193,7 +196,7 @@ def shares(
     """
     if len(bearings) == 1:
         return [(jnp.ones(()), jnp.zeros(()))]
-    weight = jnp.stack([_weight(one) for one in bearings])
+    weight = jnp.stack([_weight(bearing) for bearing in bearings])
     total = jnp.sum(weight)
     centre = jnp.sum(weight * position) / total
     arm = position - centre
@@ -224,13 +227,14 @@ class ShaftBearings(MainBearings):
         assert self.places is not None
         assert self.values is not None
         assert self.slopes is not None
-        last = self.places.size - 2
-        left = jnp.clip(jnp.searchsorted(self.places, places, side="right") - 1, 0, last)
-        width = self.places[left + 1] - self.places[left]
-        t = (places - self.places[left]) / width
-        ends, slopes = (
-            (table[:, left], table[:, left + 1]) for table in (self.values, self.slopes)
+        last_interval = self.places.size - 2
+        interval = jnp.clip(
+            jnp.searchsorted(self.places, places, side="right") - 1, 0, last_interval
         )
+        width = self.places[interval + 1] - self.places[interval]
+        t = (places - self.places[interval]) / width
+        ends = self.values[:, interval], self.values[:, interval + 1]
+        slopes = self.slopes[:, interval], self.slopes[:, interval + 1]
         return cubic_step(t, width, ends, slopes)
 
 
@@ -244,7 +248,8 @@ def _beam(
     count = supports.size
     span = jnp.max(supports) - jnp.min(supports)
     # Over the span, so that cubes and straight lines in the system are of one size.
-    at, z = supports / span, places / span
+    at = supports / span
+    z = places / span
     lines = jnp.stack([jnp.ones(count), at])
     bent = jnp.abs(at[:, None] - at) ** 3
     if stiffness is not None:
@@ -305,7 +310,9 @@ def with_journal_positions(
         names = zip(support.names or (), support.bearings, strict=True)
         support = replaced(support, bearings=tuple(laws.pop(name, law) for name, law in names))
     support = laws.pop("main_journal", support)
-    return (replaced(friction, **laws) if laws else friction), support
+    if laws:
+        friction = replaced(friction, **laws)
+    return friction, support
 
 
 def _weight(bearing: AbstractJournal) -> Float[Array, ""]:

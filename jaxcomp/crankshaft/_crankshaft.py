@@ -131,17 +131,17 @@ class Crankshaft(Part):
         """The throws, given or of the layout."""
         if self.throws:
             return self.throws
-        made = throws_of(self.layout or "single")
-        middle = 0.5 * (len(made) - 1)
-        return tuple(
-            replaced(
-                Throw(np.deg2rad(banks), np.deg2rad(angle)),
-                position=(number - middle) * self.throw_pitch,
-                rod_pitch=self.rod_pitch,
-                unbalance=self.unbalance,
+        angles_and_banks = throws_of(self.layout or "single")
+        # the origin along the shaft is the middle of its throws
+        middle = 0.5 * (len(angles_and_banks) - 1)
+        throws = []
+        for number, (angle, banks) in enumerate(angles_and_banks):
+            throw = Throw(np.deg2rad(banks), np.deg2rad(angle))
+            place = (number - middle) * self.throw_pitch
+            throws.append(
+                replaced(throw, position=place, rod_pitch=self.rod_pitch, unbalance=self.unbalance)
             )
-            for number, (angle, banks) in enumerate(made)
-        )
+        return tuple(throws)
 
     @property
     def count(self) -> int:
@@ -156,10 +156,10 @@ class Crankshaft(Part):
 
     def unbalances(self, mechanism: AbstractMechanism) -> list[Float[Array, ""]]:
         """[kg m] of the crank at every throw, with its counterweight where `balanced` says so."""
-        given = [throw.unbalance for throw in self.rows]
+        cranks = [throw.unbalance for throw in self.rows]
         if not self.balanced:
-            return given
-        return [u + c for u, c in zip(given, _counterweights(mechanism, self), strict=True)]
+            return cranks
+        return [u + c for u, c in zip(cranks, _counterweights(mechanism, self), strict=True)]
 
     @property
     def bank_angle(self) -> Float[Array, " k"]:
@@ -214,9 +214,9 @@ class Crankshaft(Part):
             order: n, of the revolution.
         """
         turning = order * self.phase
-        both = 0.5 * jnp.exp(1j * (self.bank_angle + jnp.stack([turning, -turning])))
-        forward, backward = both.sum(-1)
-        return OrderSums(forward, backward, *(both * self.position).sum(-1))
+        phasors = 0.5 * jnp.exp(1j * (self.bank_angle + jnp.stack([turning, -turning])))
+        forward, backward = phasors.sum(-1)
+        return OrderSums(forward, backward, *(phasors * self.position).sum(-1))
 
     def own_angle(self, angle: Float[Array, "*n"]) -> Float[Array, "k *n"]:
         """[rad] psi of every cylinder at crank angles [rad]."""
@@ -279,15 +279,21 @@ class Crankshaft(Part):
     def _crank_vectors(self, mechanism: AbstractMechanism, line, influence=None):
         """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
         rows = self.rows
-        angle, place = (jnp.stack(e) for e in ([t.angle for t in rows], [t.position for t in rows]))
+        angle = jnp.stack([throw.angle for throw in rows])
+        place = jnp.stack([throw.position for throw in rows])
         vectors = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
         # An unbalance turns with its throw, ahead of the crank at angle 0 by the throw's angle.
         vectors *= jnp.stack(self.unbalances(mechanism))
-        taken = None if influence is None else influence(place)
-        for number, (share, lever) in enumerate(line):
-            vector = vectors @ (share + lever * place if taken is None else taken[number])
-            for part, own in ((share, self.shaft_unbalance), (lever, self.shaft_couple)):
-                vector = vector if own is None else vector + part * own
+        if influence is None:
+            reactions = [share + lever * place for share, lever in line]
+        else:
+            reactions = influence(place)
+        for (share, lever), reaction in zip(line, reactions, strict=True):
+            vector = vectors @ reaction
+            if self.shaft_unbalance is not None:
+                vector = vector + share * self.shaft_unbalance
+            if self.shaft_couple is not None:
+                vector = vector + lever * self.shaft_couple
             yield vector
 
     def weight_torque(

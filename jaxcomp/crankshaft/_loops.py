@@ -8,6 +8,7 @@ $$Q_i = \sum_k B_i(z_k) S_k + \sum_j B_i(z_j) u_j a_j ,$$
 with the influence $B_i$ of a place on each bearing by `MainBearings`; a single journal takes all.
 """
 
+from itertools import chain
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -61,9 +62,11 @@ class MachineLoops(eqx.Module):
         reactions = self._reactions(carried.force)
         loss = jnp.sum(carried.loss, axis=0) + sum(self._shaft_losses(reactions).values(), 0.0)
         shaft = self._near_zero(reactions)
-        kinks, along, across = ([row for mark in group for row in mark] for group in marks)
-        along += [force.x for force in shaft]
-        return loss, (*kinks, *along, *across, *(force.y for force in shaft))
+        # each mark has a row for every cylinder
+        kinks, along_x, along_y = (tuple(chain.from_iterable(group)) for group in marks)
+        shaft_x = [force.x for force in shaft]
+        shaft_y = [force.y for force in shaft]
+        return loss, (*kinks, *along_x, *shaft_x, *along_y, *shaft_y)
 
     def total_loss(self, carried: Carried) -> Float[Array, "*n"]:
         """[N m] Loss torque of all joints."""
@@ -71,8 +74,10 @@ class MachineLoops(eqx.Module):
 
     def directions(self, unknown) -> Float[Array, "k k *n"]:
         """Directions of one cylinder's unknown after the other, along a new leading axis."""
-        one = jnp.eye(unknown.shape[0]).reshape(unknown.shape[:1] * 2 + (1,) * (unknown.ndim - 1))
-        return one * jnp.ones_like(unknown)
+        identity = jnp.eye(unknown.shape[0]).reshape(
+            unknown.shape[:1] * 2 + (1,) * (unknown.ndim - 1)
+        )
+        return identity * jnp.ones_like(unknown)
 
     def _shaft_losses(self, reactions: dict[str, Vector]) -> dict[str, Float[Array, "*n"]]:
         shaft = self.crankshaft
@@ -87,21 +92,22 @@ class MachineLoops(eqx.Module):
         shaft = self.crankshaft
         if not self.loops.marks_shaft or shaft.main_journal is None or shaft.count > 1:
             return []
-        return [
-            Vector(*(sum(parts[1:], parts[0]) for parts in zip(*reactions.values(), strict=True)))
-        ]
+        first, *further = reactions.values()
+        x = sum((force.x for force in further), first.x)
+        y = sum((force.y for force in further), first.y)
+        return [Vector(x, y)]
 
     def _reactions(self, force: Vector) -> dict[str, Vector]:
         """Force of each main bearing on the shaft [N], by name."""
         shaft = self.crankshaft
         turned = shaft.turned(force)
-        found = {}
-        for name, share, own in zip(bearing_names(shaft), self.shares, self.pull, strict=True):
+        reactions = {}
+        for name, share, pull in zip(bearing_names(shaft), self.shares, self.pull, strict=True):
             share = shaft.along(share, self.speed)
-            found[name] = Vector(
-                *(jnp.sum(share * f, axis=0) + p for f, p in zip(turned, own, strict=True))
-            )
-        return found
+            x = jnp.sum(share * turned.x, axis=0) + pull.x
+            y = jnp.sum(share * turned.y, axis=0) + pull.y
+            reactions[name] = Vector(x, y)
+        return reactions
 
     def loads(self, unknown, evidence: bool) -> JointLoads:
         """Forces and losses; with residual and margin if `evidence`."""
@@ -168,10 +174,11 @@ def machine_loops(
     if gravity is not None:
         weight = crankshaft.mass * gravity
         centre = crankshaft.mass_centre
+        # The bearings push the shaft: its mass times acceleration, less its weight.
+        parts = [share + lever * centre for share, lever in line]
         pulls = [
-            # The bearings push the shaft: its mass times acceleration, less its weight.
-            Vector(*(p - (share + lever * centre) * w for p, w in zip(pull, weight, strict=True)))
-            for pull, (share, lever) in zip(pulls, line, strict=True)
+            Vector(pull.x - part * weight[0], pull.y - part * weight[1])
+            for pull, part in zip(pulls, parts, strict=True)
         ]
     laws = crankshaft.each(friction, state.angle)
     single = crankshaft.each(mechanism, state.angle)

@@ -46,12 +46,12 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
     """
     text = re.sub(r"[ _-]", "", name.lower())
     times = 1
-    found = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
+    fan = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
     flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
-    if found and float(found[2]) * {"w": 2, "vv": 3}.get(found[1], 1) < 360:
-        kind = found[1]
-        spacing = float(found[2])
-        times = int(found[3] or 1)
+    if fan and float(fan[2]) * {"w": 2, "vv": 3}.get(fan[1], 1) < 360:
+        kind = fan[1]
+        spacing = float(fan[2])
+        times = int(fan[3] or 1)
         count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
         banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
     elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
@@ -70,10 +70,10 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
         times = 0
         banks = [[0.0]]
     if times < 1 or times > _MOST:
-        known = (
+        examples = (
             '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
         )
-        raise BadInput("layout", name, f"a layout such as {known}")
+        raise BadInput("layout", name, f"a layout such as {examples}")
     half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
     angles = [i * 360 / half for i in range(half)]
     # An in-line crank that is its own mirror image leaves no couple of any order.

@@ -388,7 +388,7 @@ def checked_pairs(
         pair_names = " and ".join("/".join(pair.names) for pair in unknown)
         bound = (
             f"a mixture of pairs with known parameters; there are none for {pair_names}. In a section "
-            'of type "mixture", `estimate_pairs = true` takes Lorentz and Berthelot\'s rules for them, which may '
-            "err by tens of per cent in pressure"
+            'of type "mixture", `estimate_pairs = true` takes Lorentz and Berthelot\'s rules for them, '
+            "which may err by tens of per cent in pressure"
         )
         raise BadInput(name, ", ".join(components), bound)

@@ -64,13 +64,13 @@ class Marks(NamedTuple):
 
     Attributes:
         kinks: [N] whose sign changes put kinks into the losses.
-        along, across: [N] components along x and y of loads that may come close to zero: the sign
+        along_x, along_y: [N] components along x and y of loads that may come close to zero: the sign
             changes of the first mark the places, the second tell how close.
     """
 
     kinks: tuple[Float[Array, "*n"], ...]
-    along: tuple[Float[Array, "*n"], ...]
-    across: tuple[Float[Array, "*n"], ...]
+    along_x: tuple[Float[Array, "*n"], ...]
+    along_y: tuple[Float[Array, "*n"], ...]
 
 
 class Balance(NamedTuple):
@@ -157,9 +157,9 @@ def newton_step(unknown, excess, slope, limit):
     return jnp.clip(unknown - excess / jnp.maximum(slope, _LEAST_SLOPE), -limit, limit)
 
 
-def relative(left, size):
+def relative(excess, size):
     """[-] What a balance leaves over the loads in it; where all of these vanish, rounding is none."""
-    return left / (size + 1e-6 * jnp.max(size) + 1e-300)
+    return excess / (size + 1e-6 * jnp.max(size) + 1e-300)
 
 
 def closed(loop: AbstractJointLoop) -> Float[Array, "*n"]:
@@ -243,7 +243,8 @@ def magnitude(x: Float[Array, "*n"], y: Float[Array, "*n"]) -> Float[Array, "*n"
 
 @magnitude.defjvp
 def _magnitude_jvp(primals, tangents):
-    (x, y), (moved_x, moved_y) = primals, tangents
+    x, y = primals
+    moved_x, moved_y = tangents
     # By `magnitude` itself, so that derivatives of higher order take this rule as well.
     size = magnitude(x, y)
     return size, (x * moved_x + y * moved_y) / jnp.where(size > 0, size, 1.0)

@@ -137,8 +137,8 @@ class _Thickness(AbstractRoot):
             return jnp.where(thin, middle, low), jnp.where(thin, high, middle)
 
         def improve(_, z):
-            rest, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
-            return jnp.clip(z - rest / slope, low, high)
+            residual, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
+            return jnp.clip(z - residual / slope, low, high)
 
         # Halved first: towards thin films the logarithm of the load flattens out, where Newton's
         # method would step far beyond. 14 halvings leave less than 1e-3 of ln h_0.

@@ -79,11 +79,10 @@ class SliderCrankLoop(AbstractJointLoop):
 
     def _wall(self, side):
         """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
-        wall = self.film
-        if self.friction.wall is not None:
-            dry = self.friction.wall.force(jnp.abs(side), self.slide_speed)
-            wall = dry if self.film is None else dry + self.film
-        return jnp.zeros_like(side) if wall is None else wall
+        if self.friction.wall is None:
+            return jnp.zeros_like(side) if self.film is None else self.film
+        dry = self.friction.wall.force(jnp.abs(side), self.slide_speed)
+        return dry if self.film is None else dry + self.film
 
     def _pins(self, side, wall):
         """Forces of the pins, with their moments [N m] on the rod (`None` without a law)."""
@@ -100,10 +99,13 @@ class SliderCrankLoop(AbstractJointLoop):
             ),
         )
 
-    def _left(self, forces, *moments):
-        known = [moment for moment in moments if moment is not None]
-        rest = rod_moment(self.bodies, forces.piston_pin)
-        return rest + sum(known[1:], known[0]) / self.bodies.arm if known else rest
+    def _imbalance(self, forces, *moments):
+        """[N] Moment on the rod over its arm; `None` of the moments of pins without a law."""
+        frictionless = rod_moment(self.bodies, forces.piston_pin)
+        of_pins = [moment for moment in moments if moment is not None]
+        if not of_pins:
+            return frictionless
+        return frictionless + sum(of_pins[1:], of_pins[0]) / self.bodies.arm
 
     @property
     def coupled(self):
@@ -113,9 +115,8 @@ class SliderCrankLoop(AbstractJointLoop):
     def start(self):
         # Without pin moments the loop is linear in N on either side, with the slope of the wall alone.
         zero = jnp.zeros_like(self.speed)
-        side = -rod_moment(
-            self.bodies, pin_forces(self.bodies, zero, zero if self.film is None else -self.film)[0]
-        )
+        drag = zero if self.film is None else -self.film
+        side = -rod_moment(self.bodies, pin_forces(self.bodies, zero, drag).piston_pin)
         if self.friction.wall is None:
             return side
         laws = getattr(self.friction.wall, "laws", (self.friction.wall,))
@@ -131,7 +132,7 @@ class SliderCrankLoop(AbstractJointLoop):
         return jnp.abs(self.start()) + jnp.abs(self.bodies.pin_x)
 
     def excess(self, unknown):
-        return self._left(*self._pins(unknown, self._wall(unknown)))
+        return self._imbalance(*self._pins(unknown, self._wall(unknown)))
 
     def balance(self, unknown):
         wall = self._wall(unknown)
@@ -139,7 +140,7 @@ class SliderCrankLoop(AbstractJointLoop):
         loss = sum(self._losses(forces, wall, *moments).values(), jnp.zeros_like(wall))
         near_zero = self._near_zero(forces)
         marks = Marks((unknown,), tuple(f.x for f in near_zero), tuple(f.y for f in near_zero))
-        return Balance(self._left(forces, *moments), loss, forces.crank_pin, marks)
+        return Balance(self._imbalance(forces, *moments), loss, forces.crank_pin, marks)
 
     def _near_zero(self, forces):
         """Forces of the joints with a law: where one comes close to zero, its magnitude turns."""
@@ -152,6 +153,7 @@ class SliderCrankLoop(AbstractJointLoop):
         friction = self.friction
         loss = {}
         if friction.wall is not None:
+            # the film's drag, which the sum has, is a loss of its own
             dry = wall if self.film is None else wall - self.film
             loss["wall"] = dry * rod.position_1
         if self.film is not None and friction.piston_film is not None:
@@ -176,7 +178,7 @@ class SliderCrankLoop(AbstractJointLoop):
         residual = margin = None
         if evidence:
             size = jnp.abs(side) + jnp.abs(self.bodies.pin_x)
-            residual = relative(self._left(forces, *moments), size)
+            residual = relative(self._imbalance(forces, *moments), size)
             far = self.limit()
             margin = jnp.ones_like(side)
             if self.coupled:

@@ -130,8 +130,9 @@ class SliderLinkLoop(AbstractJointLoop):
         # it is the force of the pin, Eqs. (16) and (17).
         on_link = Vector(touch.slider, self.link * jnp.abs(touch.slider))
         mass = self.mechanism.slider_mass
-        along, across = self.pin_acceleration
-        return touch, on_link, Vector(on_link.x + mass * along, on_link.y + mass * across)
+        pin_x, pin_y = self.pin_acceleration
+        pin = Vector(on_link.x + mass * pin_x, on_link.y + mass * pin_y)
+        return touch, on_link, pin
 
     def _pin_moment(self, pin: Vector):
         law = self.friction.crank_pin
@@ -139,8 +140,11 @@ class SliderLinkLoop(AbstractJointLoop):
             return jnp.zeros_like(pin.x)
         return journal_moment(law, pin, self.state.speed)
 
-    def _left(self, couple, pin_moment):
-        return couple - pin_moment / self.mechanism.crank_radius if self._balanced else couple
+    def _imbalance(self, couple, pin_moment):
+        """[N] What is left of the balance of the slider; the paper's has no couple."""
+        if not self._balanced:
+            return couple
+        return couple - pin_moment / self.mechanism.crank_radius
 
     @property
     def coupled(self):
@@ -154,7 +158,7 @@ class SliderLinkLoop(AbstractJointLoop):
         return jnp.abs(thrust) + jnp.abs(self.mechanism.piston_mass * self.pin_acceleration[0])
 
     def excess(self, unknown):
-        return self._left(unknown, self._pin_moment(self._contacts(unknown)[2]))
+        return self._imbalance(unknown, self._pin_moment(self._contacts(unknown)[2]))
 
     def balance(self, unknown):
         touch, on_link, pin = self._contacts(unknown)
@@ -162,7 +166,7 @@ class SliderLinkLoop(AbstractJointLoop):
         total = sum(loss.values(), jnp.zeros_like(unknown))
         # The bearings' loads come close to zero with that of the pin, too near for places of their own.
         marks = Marks((touch.crown, touch.edge, touch.slider), (pin.x,), (pin.y,))
-        return Balance(self._left(unknown, moment), total, pin, marks)
+        return Balance(self._imbalance(unknown, moment), total, pin, marks)
 
     def _losses(self, touch, on_link, pin):
         """Loss torques [N m] by joint, and the moment of the crank pin."""
@@ -180,11 +184,10 @@ class SliderLinkLoop(AbstractJointLoop):
         if friction.link_slider is not None:
             loss["link_slider"] = on_link.y * self.mechanism.crank_radius * motion.cosine
         if friction.crank_pin is not None:
-            loss["crank_pin"] = (
-                shaft_loss(friction.crank_pin, pin, speed)
-                if isinstance(friction.crank_pin, PlacedJournal)
-                else moment
-            )
+            loss["crank_pin"] = moment
+            # of a moving journal the squeeze is a part, which the moment does not have
+            if isinstance(friction.crank_pin, PlacedJournal):
+                loss["crank_pin"] = shaft_loss(friction.crank_pin, pin, speed)
         return loss, moment
 
     def loads(self, unknown, evidence):
@@ -218,7 +221,7 @@ class SliderLinkLoop(AbstractJointLoop):
         bore = self.mechanism.bore
         thrust, moment, weight = self._piston_loads()
         pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
-        left = jnp.stack([
+        imbalance = jnp.stack([
             touch.slider + self.wall * pressed - thrust,
             touch.crown + touch.edge + on_link.y + weight,
             (touch.slider * arms.slider - arms.crown * touch.crown - arms.edge * touch.edge
@@ -228,7 +231,7 @@ class SliderLinkLoop(AbstractJointLoop):
         ])  # fmt: skip
         inertia = self.mechanism.piston_mass * self.pin_acceleration[0]
         size = pressed + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(self.gas_force)
-        return relative(jnp.max(jnp.abs(left), axis=0), size)
+        return relative(jnp.max(jnp.abs(imbalance), axis=0), size)
 
 
 @joint_loop.register
@@ -242,32 +245,33 @@ def _slider_link_loop(
         )
     motion = mechanism.kinematics(state.angle) if kinematics is None else kinematics
     arms = contact_arms(mechanism, state.angle)
-    along, across = motion.crank_acceleration(state)
-    along = mechanism.crank_radius * along
-    across = mechanism.crank_radius * across
+    pin_x, pin_y = motion.crank_acceleration(state)
+    pin_x = mechanism.crank_radius * pin_x
+    pin_y = mechanism.crank_radius * pin_y
     if gravity is not None:
         # Weights enter as an acceleration the other way. Across the cylinder the piston has none,
         # so that its weight along y stands by itself as W.
-        along = along - gravity[0]
-        across = across - gravity[1]
+        pin_x = pin_x - gravity[0]
+        pin_y = pin_y - gravity[1]
     slide_speed = motion.position_1 * state.speed
     film = jnp.zeros_like(state.speed)
     if friction.piston_film is not None:
         film = friction.piston_film.force(mechanism.bore, arms.engaged, slide_speed)
+    # m_1 = d_1 mu_c with d_1 against the piston's motion, m_2 = d_2 mu_s with d_2 along the slider's.
+    wall = -_coefficient(friction.wall, slide_speed)
+    slider_speed = mechanism.crank_radius * motion.cosine * state.speed
     return SliderLinkLoop(
-        mechanism,
-        friction,
-        state,
-        motion,
-        arms,
-        # m_1 = d_1 mu_c with d_1 against the piston's motion, m_2 = d_2 mu_s with d_2 along the
-        # slider's.
-        -_coefficient(friction.wall, slide_speed),
-        _coefficient(friction.link_slider, mechanism.crank_radius * motion.cosine * state.speed),
-        film,
-        (along, across),
-        gas_force,
-        gravity,
+        mechanism=mechanism,
+        friction=friction,
+        state=state,
+        motion=motion,
+        arms=arms,
+        wall=wall,
+        link=_coefficient(friction.link_slider, slider_speed),
+        film=film,
+        pin_acceleration=(pin_x, pin_y),
+        gas_force=gas_force,
+        gravity=gravity,
     )
 
 

@@ -104,11 +104,11 @@ class EachGas(AbstractEach, AbstractGas):
         each = [
             self.law_of_cylinder(number + 1).valve_events(swept[number]) for number in range(count)
         ]
-        return tuple(
-            (column, inward)
-            for inward in (True, False)
-            for column in _columns([[v for v, way in row if way == inward] for row in each])
-        )
+        events = []
+        for inward in (True, False):
+            rows = [[volume for volume, direction in row if direction == inward] for row in each]
+            events += [(column, inward) for column in _columns(rows)]
+        return tuple(events)
 
     def event_angles(self):
         """One array: angles of each cylinder; where one has fewer than another, its top dead centre."""
@@ -128,8 +128,9 @@ class EachGas(AbstractEach, AbstractGas):
 def _columns(rows) -> tuple[Float[Array, " k"], ...]:
     """The columns of rows of scalars; zeros stand at the ends of those that are shorter."""
     longest = max(map(len, rows))
-    filled = [[*row, *[jnp.zeros(())] * (longest - len(row))] for row in rows]
-    return tuple(jnp.stack(column) for column in zip(*filled, strict=True))
+    zero = jnp.zeros(())
+    filled = [row + [zero] * (longest - len(row)) for row in rows]
+    return tuple(map(jnp.stack, zip(*filled, strict=True)))
 
 
 def _filled(rows: list[Float[Array, " _"]]) -> Float[Array, "c k"]:

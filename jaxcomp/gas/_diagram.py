@@ -23,9 +23,9 @@ def curve(x, knots, values):
     """Cubics through the points with the slope of the parabola through three neighbours."""
     secant, inner = inner_slopes(knots, values)
     # At an end, the slope there of the parabola through the last three points.
-    first = 2 * secant[:1] - inner[:1]
-    last = 2 * secant[-1:] - inner[-1:]
-    return cubics(x, knots, values, jnp.concatenate([first, inner, last]))
+    at_start = 2 * secant[:1] - inner[:1]
+    at_end = 2 * secant[-1:] - inner[-1:]
+    return cubics(x, knots, values, jnp.concatenate([at_start, inner, at_end]))
 
 
 def with_knots(part, name: str, even):

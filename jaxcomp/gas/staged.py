@@ -57,9 +57,11 @@ class _Interstage(AbstractRoot):
         # equal pressure ratios in all stages
         share = jnp.linspace(0.0, 1.0, max(self.stages) + 1)[1:-1]
         start = share * (self.outer[1] - self.outer[0]) + self.outer[0]
-        return lax.fori_loop(
-            0, _STEPS, lambda _, x: x + self.newton_correction(x, self.residual(x)), start
-        )
+
+        def improve(_, logarithms):
+            return logarithms + self.newton_correction(logarithms, self.residual(logarithms))
+
+        return lax.fori_loop(0, _STEPS, improve, start)
 
 
 class StagedCycle(AbstractGas):
@@ -138,7 +140,7 @@ class StagedCycle(AbstractGas):
             area, stroke: [m^2], [m] of the pistons, of every cylinder or of all.
         """
         count = len(self.stages)
-        last = max(self.stages)
+        stage_count = max(self.stages)
         ends = 1.0
         if self.rod_diameter is not None:
             # The head end, and the crank end less the rod.
@@ -148,7 +150,7 @@ class StagedCycle(AbstractGas):
         # The flows become of order one; only ratios of volumes count, also in derivatives.
         volume = volume / lax.stop_gradient(jnp.max(volume))
         outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))
-        if last == 1:
+        if stage_count == 1:
             return jnp.exp(outer)
         stages = _Interstage(volume, clearance, exponent, outer, self.stages)
         return jnp.exp(stages.logarithms(root(stages)))
@@ -161,13 +163,14 @@ class StagedCycle(AbstractGas):
         """
         pressure = self.between(area, stroke)
         place = jnp.asarray(self.stages) - 1
-        made = PolytropicCycle(1.0, 2.0, 1.0, 0.0, self.behind_piston)
+        # The numbers of the cylinders go in behind the checks, which are those of a single cycle.
+        of_unit_numbers = PolytropicCycle(1.0, 2.0, 1.0, 0.0, self.behind_piston)
         cycle = eqx.tree_at(
             lambda g: (g.suction_pressure, g.discharge_pressure, g.exponent, g.clearance_ratio),
-            made,
+            of_unit_numbers,
             (pressure[place], pressure[place + 1], self.exponent, self.clearance_ratio),
         )
         if self.rod_diameter is None:
             return cycle
-        both = DoubleActing(cycle, cycle, 1.0, self.behind_piston)
-        return eqx.tree_at(lambda g: g.rod_diameter, both, self.rod_diameter)
+        double_acting = DoubleActing(cycle, cycle, 1.0, self.behind_piston)
+        return eqx.tree_at(lambda g: g.rod_diameter, double_acting, self.rod_diameter)

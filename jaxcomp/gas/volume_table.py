@@ -35,9 +35,9 @@ class VolumeTable(AbstractDiagram):
 
     def conditions(self) -> dict[str, Bool[Array, ""]]:
         rising = (self.volume[1:] > self.volume[:-1]).all()
-        whole = (self.volume[0] == 0) & (self.volume[-1] == 1)
+        spans_stroke = (self.volume[0] == 0) & (self.volume[-1] == 1)
         return {
-            "a table with volumes that rise from 0 to 1": rising & whole,
+            "a table with volumes that rise from 0 to 1": rising & spans_stroke,
             "a table of at least three points": jnp.asarray(self.volume.size > 2),
         }
 

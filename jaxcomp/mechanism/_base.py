@@ -58,11 +58,11 @@ def crank_direction(angle: Float[Array, "*n"]) -> Vector:
     They are written into an array: XLA computes what it can fuse once in each of the loops that use it,
     and a dozen loops of an orbit use these.
     """
-    both = jnp.zeros((2, *angle.shape))
+    vector = jnp.zeros((2, *angle.shape))
     origin = (0,) * angle.ndim
     for row, values in enumerate((jnp.cos(angle), jnp.sin(angle))):
-        both = lax.dynamic_update_slice(both, values[None], (row, *origin))
-    return Vector(*both)
+        vector = lax.dynamic_update_slice(vector, values[None], (row, *origin))
+    return Vector(*vector)
 
 
 class AbstractKinematics(eqx.Module):
@@ -196,7 +196,8 @@ def rotating(angle, speed, acceleration) -> tuple[Float[Array, "2 *n"], Float[Ar
         speed: [rad/s] (*n)
         acceleration: [rad/s2] (*n)
     """
-    c, s = jnp.cos(angle), jnp.sin(angle)
+    c = jnp.cos(angle)
+    s = jnp.sin(angle)
     unit = jnp.stack([c, s])
     second = jnp.stack([-c * speed**2 - s * acceleration, -s * speed**2 + c * acceleration])
     return unit, second

@@ -156,7 +156,8 @@ class SliderCrank(AbstractMechanism):
         return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
 
     def weight_torque(self, kinematics, gravity):
-        rod, (rotating, of_rod) = kinematics, self.rod_masses
+        rod = kinematics
+        rotating, of_rod = self.rod_masses
         swinging = rotating * self.crank_radius
         # the derivative of the crank's unit vector is (-sin, cos)
         along_crank = gravity[1] * rod.cosine - gravity[0] * rod.sine
@@ -204,15 +205,15 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
     # By differentiating cos(phi) phi' = (r/l) cos(theta).
     tilt_2 = tan_tilt * (tilt_1 * tilt_1) - s / reach
     return RodMotion(
-        cosine,
-        sine,
-        c + reach,
-        -s - c * tan_tilt,
-        s * tan_tilt - c - c * tilt_1 / (cos_tilt * cos_tilt),
-        sin_tilt,
-        cos_tilt,
-        tilt_1,
-        tilt_2,
+        cosine=cosine,
+        sine=sine,
+        position=c + reach,
+        position_1=-s - c * tan_tilt,
+        position_2=s * tan_tilt - c - c * tilt_1 / (cos_tilt * cos_tilt),
+        sin_tilt=sin_tilt,
+        cos_tilt=cos_tilt,
+        tilt_1=tilt_1,
+        tilt_2=tilt_2,
     )
 
 
@@ -254,14 +255,15 @@ def rod_balance(
         gas_force: [N] (p - p_back) A, positive towards the crank.
         gravity: [m/s^2] field in x and y; `None` leaves weights out.
     """
-    b, (rotating, small_end) = mechanism.conrod_centre, mechanism.rod_masses
+    b = mechanism.conrod_centre
+    rotating, small_end = mechanism.rod_masses
     big_end = rotating * mechanism.crank_radius
     square = state.speed * state.speed
     piston = rod.position_1 * state.acceleration + rod.position_2 * square
     tilt = rod.tilt_1 * state.acceleration + rod.tilt_2 * square
-    along, across = rod.crank_acceleration(state)
+    crank_x, crank_y = rod.crank_acceleration(state)
     # m_c a_G by two masses at the eyes: exact, because G lies on the line between them.
-    rod_inertia = Vector(big_end * along + small_end * piston, big_end * across)
+    rod_inertia = Vector(big_end * crank_x + small_end * piston, big_end * crank_y)
     # T acts on the rod, hence with the opposite sign on the piston.
     pin_x = -gas_force - mechanism.piston_mass * piston
     piston_weight = jnp.zeros(())
@@ -276,12 +278,12 @@ def rod_balance(
         rod.cos_tilt * rod_inertia.y + rod.sin_tilt * rod_inertia.x
     )
     return RodBalance(
-        rod,
-        mechanism.conrod_length * rod.cos_tilt,
-        pin_x,
-        piston_weight,
-        rod_inertia,
-        moment,
+        rod=rod,
+        arm=mechanism.conrod_length * rod.cos_tilt,
+        pin_x=pin_x,
+        piston_weight=piston_weight,
+        rod_inertia=rod_inertia,
+        moment=moment,
     )
 
 

@@ -95,16 +95,16 @@ class SliderLink(AbstractMechanism):
 
     def kinematics(self, angle):
         cosine, sine = crank_direction(angle)
-        along = self.crank_radius * cosine
-        across = self.crank_radius * sine
-        return LinkMotion(cosine, sine, self.crown_to_link + along, -across, -along)
+        x = self.crank_radius * cosine
+        y = self.crank_radius * sine
+        return LinkMotion(cosine, sine, self.crown_to_link + x, -y, -x)
 
     def reduced_inertia(self, kinematics):
         r"""$m_s R^2 + m_p R^2\sin^2\varphi$ with its rate."""
-        across = kinematics.position_1
-        along = kinematics.position_2
-        value = self.slider_mass * self.crank_radius**2 + self.piston_mass * (across * across)
-        return value, 2 * self.piston_mass * (across * along)
+        x_1 = kinematics.position_1
+        x_2 = kinematics.position_2
+        value = self.slider_mass * self.crank_radius**2 + self.piston_mass * (x_1 * x_1)
+        return value, 2 * self.piston_mass * (x_1 * x_2)
 
     def dead_centres(self):
         """Zero and pi, for any offset."""
@@ -123,9 +123,9 @@ class SliderLink(AbstractMechanism):
         return jnp.asarray(0.5 * jnp.pi), jnp.asarray(1.5 * jnp.pi)
 
     def weight_torque(self, kinematics, gravity):
-        across = -kinematics.sine * gravity[0]
-        slider = self.slider_mass * (across + kinematics.cosine * gravity[1])
-        return (slider + self.piston_mass * across) * self.crank_radius
+        along_x = -kinematics.sine * gravity[0]
+        slider = self.slider_mass * (along_x + kinematics.cosine * gravity[1])
+        return (slider + self.piston_mass * along_x) * self.crank_radius
 
 
 class LinkMotion(AbstractKinematics):
@@ -157,7 +157,8 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
         mechanism: the geometry.
         angle: [rad] crank angle.
     """
-    radius, (cosine, sine) = mechanism.crank_radius, crank_direction(angle)
+    radius = mechanism.crank_radius
+    cosine, sine = crank_direction(angle)
     engaged = mechanism.cylinder_length - radius * (1 - cosine)
     # the floor is reached only by a piston that leaves its cylinder, which is reported elsewhere
     engaged = jnp.maximum(engaged, 1e-6 * mechanism.cylinder_length)
@@ -243,6 +244,7 @@ def contact(
     crown_side = _side(a1 * q - kappa_1 - jnp.sign(a1) * between)
     edge_side = -_side(a2 * q - kappa_2 - jnp.sign(a2) * between)
     slope = 1 + wall * (crown_side * a1 - edge_side * a2)
+    # on either side of N, whichever it is: the margin must not jump where N turns round
     steepest = jnp.maximum(*(sum(map(jnp.abs, slopes(side))) for side in (1.0, -1.0)))
     margin = 1 - jnp.abs(wall) * steepest
     # A piston that wedges is reported by the margin; the floor keeps its forces within some twenty

@@ -41,7 +41,7 @@ class Network(eqx.Module):
         orifice_ends: (o, 2) of each orifice.
         fixed: (n,) whether the pressure of a node is given.
         anechoic: (n,) whether a node goes on as a pipe without end.
-        given: (p,) whether a pipe has a given attenuation.
+        attenuated: (p,) whether a pipe has a given attenuation.
         linear: (o,) whether the loss of an orifice is proportional to its flow.
         length, diameter, roughness, attenuation: [m] and [1/m] (p,).
         volume: [m^3] (n,)
@@ -56,7 +56,7 @@ class Network(eqx.Module):
     orifice_ends: tuple[tuple[int, int], ...] = eqx.field(static=True)
     fixed: tuple[bool, ...] = eqx.field(static=True)
     anechoic: tuple[bool, ...] = eqx.field(static=True)
-    given: tuple[bool, ...] = eqx.field(static=True)
+    attenuated: tuple[bool, ...] = eqx.field(static=True)
     linear: tuple[bool, ...] = eqx.field(static=True)
     length: Float[Array, " p"]
     diameter: Float[Array, " p"]
@@ -74,7 +74,9 @@ class Network(eqx.Module):
     @property
     def rough(self) -> tuple[int, ...]:
         """Which pipes have turbulent friction."""
-        return tuple(number for number, given in enumerate(self.given) if not given)
+        return tuple(
+            number for number, is_attenuated in enumerate(self.attenuated) if not is_attenuated
+        )
 
     @property
     def nonlinear(self) -> tuple[int, ...]:
@@ -98,11 +100,11 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     nodes = piping.nodes
     at = {name: number for number, name in enumerate(nodes)}
     pipe_ends = []
-    given = []
+    attenuated = []
     for pipes in piping.pipes:
         gaps = list(pairwise(at[name] for name in pipes.nodes))
         pipe_ends += gaps
-        given += [pipes.attenuation is not None] * len(gaps)
+        attenuated += [pipes.attenuation is not None] * len(gaps)
     ends = {end.node: end.kind for end in piping.ends}
 
     def column(name):
@@ -120,13 +122,15 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     square = []
     for orifice in piping.orifices:
         touching = {at[name] for name in orifice.nodes}
-        widest = [k for k, pair in enumerate(pipe_ends) if touching & set(pair)]
+        beside = [k for k, pair in enumerate(pipe_ends) if touching & set(pair)]
         if orifice.is_linear:
             resistance.append(orifice.resistance)
             square.append(jnp.zeros(()))
             continue
         # without a pipe beside it a hole counts as in a vessel
-        pipe_diameter = jnp.max(diameter[np.array(widest)]) if widest else 1e3 * orifice.diameter
+        pipe_diameter = 1e3 * orifice.diameter
+        if beside:
+            pipe_diameter = jnp.max(diameter[np.array(beside)])
         coefficient = orifice.coefficient(gas.density, pipe_diameter)
         resistance.append(2 * coefficient * usual_flow)
         square.append(coefficient)
@@ -137,7 +141,7 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         orifice_ends=tuple((at[o.nodes[0]], at[o.nodes[1]]) for o in piping.orifices),
         fixed=tuple(name == LINE or ends.get(name) == "open" for name in nodes),
         anechoic=tuple(ends.get(name) == "anechoic" for name in nodes),
-        given=tuple(given),
+        attenuated=tuple(attenuated),
         linear=tuple(orifice.is_linear for orifice in piping.orifices),
         length=column("length"),
         diameter=diameter,
@@ -157,15 +161,15 @@ def no_drag(network: Network) -> Drag:
 
 def wave_line(network: Network, gas: PipeGas, s, drag: Drag) -> WaveLine:
     """Line constants of all pipes at s [1/s], which is not zero."""
-    given = np.array(network.given)
-    if given.all():
+    has_attenuation = np.array(network.attenuated)
+    if has_attenuation.all():
         return attenuated_line(gas, network.diameter, network.attenuation, s)
     walled = walled_line(gas, network.diameter, s)
     walled = walled._replace(series=walled.series + drag.slope)
-    if not given.any():
+    if not has_attenuation.any():
         return walled
-    attenuated = attenuated_line(gas, network.diameter, network.attenuation, s)
-    return jax.tree.map(lambda a, b: jnp.where(given, a, b), attenuated, walled)
+    with_attenuation = attenuated_line(gas, network.diameter, network.attenuation, s)
+    return jax.tree.map(lambda a, b: jnp.where(has_attenuation, a, b), with_attenuation, walled)
 
 
 def transfers(network: Network, gas: PipeGas, s, drag: Drag) -> FourPole:
@@ -178,12 +182,12 @@ def steady_transfers(network: Network, gas: PipeGas, drag: Drag) -> FourPole:
 
     The losses of walls would be those of laminar flow there.
     """
-    given = np.array(network.given)
-    angle = jnp.where(given, network.attenuation * network.length, 0.0)
+    attenuated = np.array(network.attenuated)
+    angle = jnp.where(attenuated, network.attenuation * network.length, 0.0)
     impedance = gas.sound_speed / network.area
     return FourPole(
         jnp.cosh(angle),
-        jnp.where(given, impedance * jnp.sinh(angle), drag.mean),
+        jnp.where(attenuated, impedance * jnp.sinh(angle), drag.mean),
         jnp.sinh(angle) / impedance,
     )
 
@@ -224,7 +228,7 @@ def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool 
         meeting = begin.T + end.T
         stored = stored + np.array(network.anechoic) * (meeting @ network.area) / gas.sound_speed
     fixed = np.array(network.fixed) | (np.array(network.anechoic) & is_steady)
-    kept = jnp.asarray(~fixed[:, None], float)
+    balanced = jnp.asarray(~fixed[:, None], float)
     balance = begin.T @ (poles.admittance[:, None] / scale * end) + jnp.diag(stored / scale)
     rows = [
         [
@@ -234,12 +238,12 @@ def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool 
         ],
         [first - second, np.zeros((orifices, pipes)), -jnp.diag(network.resistance * scale)],
         [
-            kept * balance + np.diag(1.0 * fixed),
-            kept * (begin.T * poles.forward - end.T),
-            kept * (first - second).T,
+            balanced * balance + np.diag(1.0 * fixed),
+            balanced * (begin.T * poles.forward - end.T),
+            balanced * (first - second).T,
         ],
     ]
-    return jnp.concatenate([jnp.concatenate([*map(jnp.asarray, row)], axis=1) for row in rows])
+    return jnp.block([[jnp.asarray(block) for block in row] for row in rows])
 
 
 class Response(NamedTuple):
@@ -272,6 +276,7 @@ def _ports(network: Network, scale) -> Array:
 
 def _solved(network: Network, gas: PipeGas, matrix) -> Response:
     scale = flow_scale(network, gas)
+    # all ports at once: the matrix is factorised once a frequency
     ports = _ports(network, scale).astype(matrix.dtype)
     unknowns = jnp.linalg.solve(matrix, ports)
     nodes = len(network.nodes)
@@ -319,8 +324,8 @@ def impedances(
     drag = no_drag(network)
 
     def at(frequency):
-        found = response(network, gas, 2j * np.pi * frequency, drag)
-        return found.pressure[flanges, : flanges.size]
+        of_ports = response(network, gas, 2j * np.pi * frequency, drag)
+        return of_ports.pressure[flanges, : flanges.size]
 
     return jax.vmap(at)(jnp.asarray(frequency))
 

@@ -1,6 +1,7 @@
 """A network of pipes between the valves and a line of constant pressure, as machine files describe it."""
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import ClassVar
 
 import equinox as eqx
@@ -64,10 +65,10 @@ class Piping(Part):
 
     def _check_names(self):
         joined = set(self.nodes)
-        last = f"pipes.{len(self.pipes) - 1}.nodes"
+        last_nodes = f"pipes.{len(self.pipes) - 1}.nodes"
         if LINE not in joined:
             raise BadInput(
-                last, self._names(), f'names of which one is "{LINE}", the given pressure'
+                last_nodes, self._names(), f'names of which one is "{LINE}", the given pressure'
             )
         if not self.flanges:
             bound = f'names of which one is "{FLANGE}", the side of the valves'
@@ -84,8 +85,8 @@ class Piping(Part):
             for number, element in enumerate(getattr(self, entry)):
                 place = f"{entry}.{number}.node"
                 if element.node not in joined:
-                    known = ", ".join(f'"{node}"' for node in self.nodes)
-                    raise BadInput(place, f'"{element.node}"', f"a node of the pipes: {known}")
+                    names = ", ".join(f'"{node}"' for node in self.nodes)
+                    raise BadInput(place, f'"{element.node}"', f"a node of the pipes: {names}")
                 if element.node == LINE:
                     bound = f'another node than "{LINE}", whose pressure is given'
                     raise BadInput(place, f'"{LINE}"', bound)
@@ -95,16 +96,16 @@ class Piping(Part):
                 raise BadInput(f"runs.{number}.nodes", unknown, "nodes of the pipes")
 
     def _check_ends(self):
-        seen = {}
+        numbers = {}
         for number, end in enumerate(self.ends):
             if end.node in self.flanges:
                 bound = "another node than a flange, which the valves end"
                 raise BadInput(f"ends.{number}.node", f'"{end.node}"', bound)
-            if end.node in seen:
+            if end.node in numbers:
                 value = f'"{end.node}", {end.kind}'
-                bound = f"a node without an end: ends.{seen[end.node]} is there already"
+                bound = f"a node without an end: ends.{numbers[end.node]} is there already"
                 raise BadInput(f"ends.{number}.node", value, bound)
-            seen[end.node] = number
+            numbers[end.node] = number
 
     def _check_ways(self):
         reached = self._reached(LINE)
@@ -121,9 +122,11 @@ class Piping(Part):
 
     def _ends_of_others(self, orifice: Orifice) -> set[str]:
         """Names of nodes that other elements have, and of the line."""
-        others = [other.nodes for other in self.orifices if other is not orifice]
-        chains = [*others, *(pipes.nodes for pipes in self.pipes)]
-        return {LINE, *(node for chain in chains for node in chain)}
+        nodes = {LINE}
+        for element in (*self.orifices, *self.pipes):
+            if element is not orifice:
+                nodes.update(element.nodes)
+        return nodes
 
     def _names(self) -> str:
         return ", ".join(f'"{node}"' for node in self.nodes)
@@ -146,7 +149,7 @@ class Piping(Part):
     @property
     def nodes(self) -> tuple[str, ...]:
         """Names of all nodes, in the order of the file."""
-        return tuple(dict.fromkeys(node for edge in self.edges() for node in edge))
+        return tuple(dict.fromkeys(chain.from_iterable(self.edges())))
 
     @property
     def flanges(self) -> tuple[str, ...]:

@@ -39,8 +39,8 @@ def _matrix(network: Network, gas: PipeGas, s):
 
 def _null_vectors(matrix):
     """Right and left vector of the smallest singular value."""
-    left, _, right = jnp.linalg.svd(matrix)
-    return right[-1].conj(), left[:, -1]
+    left_vectors, _, right_vectors = jnp.linalg.svd(matrix)
+    return right_vectors[-1].conj(), left_vectors[:, -1]
 
 
 def _newton(network: Network, gas: PipeGas, start):
@@ -48,8 +48,8 @@ def _newton(network: Network, gas: PipeGas, start):
 
     def advance(_, s):
         matrix, slope = jax.jvp(lambda s: _matrix(network, gas, s), (s,), (jnp.ones_like(s),))
-        right, left = _null_vectors(matrix)
-        return s - (left.conj() @ matrix @ right) / (left.conj() @ slope @ right)
+        x, y = _null_vectors(matrix)
+        return s - (y.conj() @ matrix @ x) / (y.conj() @ slope @ x)
 
     return lax.fori_loop(0, _STEPS, advance, start)
 
@@ -77,9 +77,9 @@ def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Comp
     fixed = lax.stop_gradient((network, gas))
     s = lax.stop_gradient(_newton(*fixed, start))
     matrix, slope = jax.jvp(lambda s: _matrix(*fixed, s), (s,), (jnp.ones_like(s),))
-    right, left = lax.stop_gradient(_null_vectors(matrix))
-    weight = lax.stop_gradient(left.conj() @ slope @ right)
-    return s - (left.conj() @ _matrix(network, gas, s) @ right) / weight
+    x, y = lax.stop_gradient(_null_vectors(matrix))
+    weight = lax.stop_gradient(y.conj() @ slope @ x)
+    return s - (y.conj() @ _matrix(network, gas, s) @ x) / weight
 
 
 @jax.jit
@@ -113,6 +113,7 @@ def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
     roots = np.asarray(_roots(*fixed, starts))
     distinct = []
     for root in sorted(roots, key=lambda root: root.imag):
+        # Newton's method may leave its peak, for a root beyond or for one that another peak leads to
         inside = 0 < root.imag <= 2 * np.pi * highest * (1 + 1e-9)
         if inside and all(abs(root - other) > _SAME * abs(root) for other in distinct):
             distinct.append(root)
