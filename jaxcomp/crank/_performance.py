@@ -123,6 +123,7 @@ def performance(compressor: Compressor, orbit: Orbit) -> Performance:
     isentropic = work["isentropic"] * cycle.frequency
     before = jnp.zeros(())
     if case.cylinder.suction.heating is not None:
+        # an ideal machine compresses the gas as it comes: what its heating adds to the work is a loss
         rise = compressed_as_it_comes(cycle).h - case.comes.h
         before = isentropic
         isentropic = cycle.mass_flow * rise

@@ -246,6 +246,7 @@ class Shooting(eqx.Module):
                 diffrax.PIDController(
                     rtol=self.step_tolerance,
                     atol=self.step_tolerance,
+                    # by the state alone, so that the values are those of a march without slopes
                     norm=lambda y: optimistix.rms_norm(y[0] if slopes else y),
                 ),
                 jump_ts=fixed.stops,

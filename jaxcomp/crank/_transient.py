@@ -234,6 +234,7 @@ def _simulate(
     if journals:
         y0["journals"] = jnp.zeros((2, len(journals)))
     y0["work"] = zeros_of(rate, jnp.zeros(()), y0, None)["work"]
+    # downwards only: a start from rest begins with a speed of zero
     stop = diffrax.Event(lambda t, y, args, **_: y["speed"], root_finder=None, direction=False)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rate),
@@ -245,6 +246,7 @@ def _simulate(
         saveat=diffrax.SaveAt(t1=True, dense=True),
         stepsize_controller=diffrax.ClipStepSizeController(
             diffrax.PIDController(rtol=options.tolerance, atol=options.tolerance),
+            # a motor that is never switched off has an infinite instant, at which no step can end
             jump_ts=jnp.minimum(off, 2 * duration)[None],
         ),
         max_steps=options.max_steps,

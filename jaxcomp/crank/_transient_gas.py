@@ -175,6 +175,7 @@ class CrankAndGas(AbstractLaw):
 
     def course(self, marched: Stretch, time, at) -> tuple[GasCourse, Float[Array, " n"]]:
         """The gas at instants [s] with these states, and the acceleration of the crank [rad/s^2]."""
+        # the flags of the step that an instant lies in: valves rest or move, and the motor is on or off
         row = jnp.searchsorted(marched.record.angle, time * self.pace, side="right") - 1
         flags = marched.record.flags[jnp.clip(row, 0)]
         system = self.system
@@ -183,6 +184,7 @@ class CrankAndGas(AbstractLaw):
         def cylinder_values(case, angle, gas):
             T, rho = temperature_and_density(case, angle, gas)
             scale = jnp.stack([valve_scales(case, which)[0] for which in (0, 1)])
+            # the cubics between the steps overshoot a seat by what their tolerance lets them
             lift = jnp.maximum(gas[jnp.asarray([2, 5])], 0.0) * scale
             return T, rho * case.volume(angle)[0], lift, case.mass_scale * self.pace
 

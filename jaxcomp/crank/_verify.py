@@ -43,6 +43,7 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
         orbit: its periodic state.
         options: of the march; its tolerance is that of a step.
     """
+    # derivatives of an error estimate would be those of the march, at many times the cost of the orbit's
     compressor, orbit = lax.stop_gradient((compressor, orbit))
     law = _Law(compressor, orbit.state.speed[0], orbit.motor_torque[0])
     first = orbit.state.angle[0]

@@ -48,6 +48,7 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
     times = 1
     fan = re.fullmatch(r"(v{1,2}|w|l)(\d+(?:\.\d+)?)(?:x(\d+))?", text)
     flat = re.fullmatch(r"(single|inline|boxer|opposed|radial)(\d*)(?:x(\d+))?", text)
+    # a fan that went right round would put two cylinders into one place
     if fan and float(fan[2]) * {"w": 2, "vv": 3}.get(fan[1], 1) < 360:
         kind = fan[1]
         spacing = float(fan[2])
@@ -65,6 +66,7 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
             banks = [[0.0, 180.0]]
         else:
             times *= {"single": 1}.get(kind, count)
+            # the pistons of a boxer have throws of their own, opposed ones share theirs
             banks = [[0.0], [180.0]] if kind == "boxer" else [[0.0]]
     else:
         times = 0

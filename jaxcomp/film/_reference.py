@@ -172,10 +172,9 @@ def groove_attitude(eps: float, q: float, grids) -> float:
     for _ in range(20):
         if abs(excess_behind) < 1e-9 or excess_behind == excess_ahead:
             break
-        ahead, behind = (
-            behind,
-            behind - excess_behind * (behind - ahead) / (excess_behind - excess_ahead),
-        )
+        step = excess_behind * (behind - ahead) / (excess_behind - excess_ahead)
+        ahead = behind
+        behind = behind - step
         excess_ahead = excess_behind
         excess_behind = excess(behind)
     return behind

@@ -94,6 +94,7 @@ class PhaseModel:
         """A phase at temperatures [K] (b,), densities [mol/m^3] (b,) and mole fractions (b, n)."""
         T_r, v_r, T_slope, v_slope = self.reducing(x)
         value, along_d, along_t = self._sums(T_r / T, density * v_r)
+        # Rows of a component have the number behind the last one as their second, with a factor of one.
         padded = np.concatenate([x, np.ones_like(x[:, :1])], axis=1)
         weights = self._factor * padded[:, self._first] * padded[:, self._second]
         energy, delta_slope, tau_slope = (
@@ -157,6 +158,7 @@ class PhaseModel:
 
 def _power(columns, tau, delta, log_tau, log_delta):
     n, t, d, power = columns
+    # l = 0 marks terms that have no exp(-delta^l)
     damping = np.where(power > 0, np.exp(power * log_delta), 0.0)
     x = n * np.exp(t * log_tau + d * log_delta - damping)
     return x, x * (d - power * damping), x * t
@@ -292,6 +294,7 @@ def wilson_pressures(components, T: float) -> NDArray:
         curve = fluid_data(name)["dew_pressure"]
         critical = curve["T_r"]
         reducing = curve["reducing_value"]
+        # by its definition, from the vapour pressure at 0.7 of the critical temperature
         acentric = -1 - np.log10(ancillary_pressure(curve, 0.7 * critical) / reducing)
         pressures.append(reducing * np.exp(5.373 * (1 + acentric) * (1 - critical / T)))
     return np.array(pressures)
@@ -384,6 +387,7 @@ def _continued(model: PhaseModel, z, line: Line) -> Line:
             share = (1 / after - 1 / T[-1]) / (1 / T[-1] - 1 / T[-2])
             start = start + share * (points[-1] - points[-2])
         point, good = solved(model, z[None], Line(np.array([after]), start[None]), 12)
+        # far from where it was sought, a solution belongs to another branch
         if not good[0] or np.abs(point.unknowns[0, :2] - start[:2]).max() > 0.5:
             step /= 2
             continue

@@ -191,6 +191,8 @@ def pair_of(first: str, second: str, model: str = REFERENCE) -> Pair:
             if function:
                 quality = "departure"
             return Pair(names, quality, "Kunz-JCED-2012", *numbers, function)
+        # T_r has 2 beta gamma x_1 x_2 (x_1 + x_2)/(beta^2 x_1 + x_2) sqrt(T_1 T_2), and v_r likewise: the
+        # names stand in the order of the file, since beta changes to 1/beta with it.
         means = _means(names)
         return Pair(
             names,

@@ -83,6 +83,7 @@ def curve(coefficients, ends, T, tools=jnp):
     width = 1 / high - 1 / low
     s = 2 * (1 / T - 1 / low) / width - 1
     rate = -2 / (width * T**2)
+    # Both panels are evaluated and one is chosen at the end, as a traced temperature may be on either.
     terms = [tools.ones_like(s), s]
     slopes = [tools.zeros_like(s), tools.ones_like(s)]
     for _ in range(coefficients.shape[-1] - 2):
@@ -101,6 +102,7 @@ def temperature_of(coefficients, ends, logarithm, tools=jnp):
     samples = 1 / tools.linspace(1 / ends[0], 1 / ends[2], _SAMPLES)
     values, _ = curve(coefficients, ends, samples, tools)
     T = tools.interp(logarithm, values, samples)
+    # from a straight line between samples four steps reach rounding
     for _ in range(4):
         value, slope = curve(coefficients, ends, T, tools)
         T = tools.clip(T - (value - logarithm) / slope, ends[0], ends[2])

@@ -210,6 +210,7 @@ def _slider_crank_loop(
     film = None if law is None else law.force(mechanism.bore, law.length, slide_speed)
     packing = None
     if friction.packing is not None:
+        # like the film's, this drag does not depend on the side force: it takes no part in the loop
         packing = friction.packing.drag * jnp.sign(slide_speed)
         film = packing if film is None else film + packing
     bodies = rod_balance(mechanism, rod, state, gas_force, gravity)

@@ -122,16 +122,18 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     square = []
     for orifice in piping.orifices:
         touching = {at[name] for name in orifice.nodes}
-        beside = [k for k, pair in enumerate(pipe_ends) if touching & set(pair)]
+        adjacent = [k for k, pair in enumerate(pipe_ends) if touching & set(pair)]
         if orifice.is_linear:
             resistance.append(orifice.resistance)
             square.append(jnp.zeros(()))
             continue
         # without a pipe beside it a hole counts as in a vessel
         pipe_diameter = 1e3 * orifice.diameter
-        if beside:
-            pipe_diameter = jnp.max(diameter[np.array(beside)])
+        if adjacent:
+            pipe_diameter = jnp.max(diameter[np.array(adjacent)])
         coefficient = orifice.coefficient(gas.density, pipe_diameter)
+        # the slope of c q |q| at the usual flow: by it, and not by the chord, a pulsation is damped that
+        # is small beside the mean
         resistance.append(2 * coefficient * usual_flow)
         square.append(coefficient)
     return Network(
@@ -222,6 +224,7 @@ def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool 
     second = identity[orifice_ends[:, 1]]
     orifices = orifice_ends.shape[0]
     pipes = pipe_ends.shape[0]
+    # what a volume takes up, V/a^2 dp/dt
     stored = s * network.volume / gas.sound_speed**2
     if not is_steady:
         # one pipe meets an end: the wave goes on in it
@@ -230,6 +233,8 @@ def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool 
     fixed = np.array(network.fixed) | (np.array(network.anechoic) & is_steady)
     balanced = jnp.asarray(~fixed[:, None], float)
     balance = begin.T @ (poles.admittance[:, None] / scale * end) + jnp.diag(stored / scale)
+    # Pipes: the pressure at the beginning from pressure and flow at the end. Orifices: their drop.
+    # Nodes: what flows in from all sides, or zero where the pressure is that of the line.
     rows = [
         [
             begin - poles.forward[:, None] * end,

@@ -72,6 +72,7 @@ class Orifice(Part):
         area = np.pi / 4 * self.diameter**2
         loss = self.loss_coefficient
         if loss is None:
+            # short of one, where the slope of the root is infinite
             share = jnp.clip((self.diameter / pipe_diameter) ** 2, 0.0, 1.0 - 1e-9)
             loss = (1 - share + 0.707 * jnp.sqrt(1 - share)) ** 2
         return loss / (2 * density * area**2)

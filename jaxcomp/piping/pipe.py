@@ -107,6 +107,7 @@ def wall_function(q: Complex[Array, "*n"]) -> Complex[Array, "*n"]:
     # Double where: each expansion overflows or diverges in the domain of the other.
     square = jnp.where(small, q, 1.0) ** 2
 
+    # the continued fraction of I_0 over I_1, from its last term to the first
     def deeper(i, fraction):
         return 2.0 * (_TERMS - i) + square / fraction
 
@@ -122,6 +123,8 @@ def wall_function(q: Complex[Array, "*n"]) -> Complex[Array, "*n"]:
 def walled_line(gas: PipeGas, diameter: Float[Array, " p"], s: Complex[Array, ""]) -> WaveLine:
     """Line constants of pipes whose walls take momentum and heat."""
     area = np.pi / 4 * diameter**2
+    # The wall holds momentum back in a layer of the thickness R/q, and heat in one thinner by the root of
+    # Prandtl's number: gas near it is compressed isothermally, and stores more.
     shear_number = diameter / 2 * jnp.sqrt(s * gas.density / gas.viscosity)
     momentum = 1 - wall_function(shear_number)
     heat = 1 + (gas.heat_capacity_ratio - 1) * wall_function(shear_number * jnp.sqrt(gas.prandtl))

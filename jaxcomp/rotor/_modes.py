@@ -65,6 +65,7 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     dof = layout.dof
     i, j = layout.pairs.T
     terms = system.inertia.shape[-1]
+    # each element as blocks between its ends, (u, phi) by (u, phi)
     ends = system.elements.reshape(-1, 2, 2, 2, 2, terms)
     blocks = jnp.moveaxis(ends, 3, 2).reshape(-1, 2, 2, terms)  # four an element
     diagonal = np.arange(n) * (n + 1)
@@ -90,6 +91,8 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
         links = jnp.concatenate([links, links, -links, -links], 1)
         k, c = (x.at[rows, columns].add(y, mode="drop") for x, y in zip((k, c), links, strict=True))
     units = np.eye(n * dof)[layout.active.reshape(-1)].reshape(-1, n, dof)
+    # Motion of all nodes for a unit of each active degree of freedom: what follows has its columns in it,
+    # and a product with it from both sides joins stiffness and inertia of what follows to what leads.
     motion = jax.vmap(lambda x: follow(system, to_planes(x, dof)))(jnp.asarray(units))
     expand = motion.reshape(len(units), -1).T
     square = lambda x: x.swapaxes(1, 2).reshape(n * dof, n * dof)  # noqa: E731

@@ -64,6 +64,7 @@ class Operator(NamedTuple):
             inert = inert + 1j * w * alpha
         # + 0 makes the gyroscopic term complex where structural damping makes the others so.
         terms = jnp.stack([stiff, inert, turn + 0 * inert])
+        # p whirls with the spin and q against it: the gyroscopic term has the other sign there
         lateral = np.array([[1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
         if self.system.dof == 4:
             return terms[:, None] * lateral
