@@ -161,7 +161,7 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
     between = None
     if _seeks_pressures(compressor):
         between = jnp.log(guessed_pressures(compressor.gas, mechanisms_of(compressor)))
-    first_motion = Motion(jnp.zeros(()), steady, None if rise is None else rise / _KELVINS, between)
+    first_motion = Motion(jnp.zeros(()), steady, _in_hundreds(rise), between)
     _, (cycle, orbit) = zeros_of(_step, compressor, solver, first_motion, no_cycle)
 
     def step(motion, last_solution):
@@ -267,7 +267,12 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
         phase = _phase_of_cycles(compressor)
         pace = pace_of(solution_of(cycle, followed=True), crank_pace.at, phase)
         level = jnp.log(orbit.mean_speed / compressor.motor.speed_guess)
-    return Motion(level, pace, None if rise is None else rise / _KELVINS)
+    return Motion(level, pace, _in_hundreds(rise))
+
+
+def _in_hundreds(rise: Float[Array, ""] | None) -> Float[Array, ""] | None:
+    """A rise [K] as an unknown of order one, if it is one."""
+    return None if rise is None else rise / _KELVINS
 
 
 @eqx.filter_jit  # traced once, for its shapes and for all that is solved

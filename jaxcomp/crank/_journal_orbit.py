@@ -142,13 +142,15 @@ def _solved_journal(
     film = moving_film(bearing)
 
     drive = Drive(
-        (film,),
-        grid.by_panels(force / (film_unit(bearing) * speed))[:, None],
-        grid.by_panels(0.5 * rates[1] / speed)[None],
-        None if bearing.contact is None else speed * jnp.ones((1, 1, *grid.angle.shape)),
+        films=(film,),
+        force=grid.by_panels(force / (film_unit(bearing) * speed))[:, None],
+        turning=grid.by_panels(0.5 * rates[1] / speed)[None],
     )
-    # surfaces that carry most of a load are met in many short steps
-    steps = 60 if bearing.contact is None else 400
+    steps = 60
+    if bearing.contact is not None:
+        drive = drive._replace(over=speed * jnp.ones((1, 1, *grid.angle.shape)))
+        # surfaces that carry most of a load are met in many short steps
+        steps = 400
     position, (_, report) = fixed_point(_Periodic(grid, max_iterations=steps), drive)
     position = position[:, 0].reshape(2, -1)
 

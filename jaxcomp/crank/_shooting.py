@@ -101,7 +101,6 @@ class Shooting(eqx.Module):
         gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
         _, end, course = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
-        # the last step is taken linearly: its gap is above that of the steps before by their curvature
         settled = gap_size <= 3 * self.tolerance
         report = FixedPointReport(steps, gap_size, settled)
         status = Status.where(settled, Status.converged, Status.not_converged)

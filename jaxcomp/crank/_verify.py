@@ -165,8 +165,9 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
     end = jax.tree.map(lambda x: x[-1], end)
     end["time"] = end["time"] / scale
     end["work"] = jax.tree.map(lambda w: w * energy, end["work"])
-    saved = [
-        (speed * scale, None if places is None else jnp.moveaxis(places, 0, -1))
-        for speed, places in at_rows
-    ]
+    saved = []
+    for speed, places in at_rows:
+        if places is not None:
+            places = jnp.moveaxis(places, 0, -1)
+        saved.append((speed * scale, places))
     return end, saved, result

@@ -60,7 +60,8 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
         count = int(flat[2] or 2)
         times = int(flat[3] or 1)
         if kind == "radial":
-            times = times if 1 <= count <= _MOST else 0
+            if not 1 <= count <= _MOST:
+                times = 0
             banks = [[i * 360 / count for i in range(min(count, _MOST))]]
         elif kind == "opposed":
             banks = [[0.0, 180.0]]
@@ -76,10 +77,12 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
             '"single", "in-line-4", "boxer-2", "opposed", "radial-5", "V90", "W60", "VV45", "V90x2"'
         )
         raise BadInput("layout", name, f"a layout such as {examples}")
-    half = (times + 1) // 2 if times % 2 == 0 and times > 2 else times
-    angles = [i * 360 / half for i in range(half)]
+    mirrored = times % 2 == 0 and times > 2
+    distinct = times // 2 if mirrored else times
+    angles = [i * 360 / distinct for i in range(distinct)]
     # An in-line crank that is its own mirror image leaves no couple of any order.
-    angles += angles[::-1] if half < times else []
+    if mirrored:
+        angles += angles[::-1]
     return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
 
 

@@ -221,13 +221,14 @@ class SliderLinkLoop(AbstractJointLoop):
         bore = self.mechanism.bore
         thrust, moment, weight = self._piston_loads()
         pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
+        # the paper's slider takes no moment from the crank pin
+        of_pin = pin_moment if self._balanced else 0.0
         imbalance = jnp.stack([
             touch.slider + self.wall * pressed - thrust,
             touch.crown + touch.edge + on_link.y + weight,
             (touch.slider * arms.slider - arms.crown * touch.crown - arms.edge * touch.edge
              - self.wall * bore / 2 * (touch.crown + touch.edge)
-             - self.link * self._slider_diameter / 2 * touch.slider - moment
-             - (pin_moment if self._balanced else 0.0)) / arms.engaged,
+             - self.link * self._slider_diameter / 2 * touch.slider - moment - of_pin) / arms.engaged,
         ])  # fmt: skip
         inertia = self.mechanism.piston_mass * self.pin_acceleration[0]
         size = pressed + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(self.gas_force)

@@ -312,7 +312,8 @@ def _stiffness_times(system, growth, spin, x, order, damping, transpose):
     if not damping:
         system = undamped(system)
     z = operator_at(system, spin, order * spin - 1j * growth)
-    z = z if damping else z._replace(damping=jnp.zeros_like(z.damping))
+    if not damping:
+        z = z._replace(damping=jnp.zeros_like(z.damping))
     return on_active(system, x, lambda x: apply(z, x, transpose=transpose))
 
 

@@ -97,8 +97,11 @@ def factorise(z: Operator) -> Factor:
         reach.append(response)
         reduced.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
     full = _in_planes(reduced) + _links_and_bodies(layout, z) + jnp.diag(_held_in_one_plane(layout))
-    motion = None if layout.free.all() else _border_motion(layout, z.system.arms)
-    small = full if motion is None else motion.T @ full @ motion
+    motion = None
+    small = full
+    if not layout.free.all():
+        motion = _border_motion(layout, z.system.arms)
+        small = motion.T @ full @ motion
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
     size = jnp.abs(jnp.diagonal(small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
@@ -212,7 +215,7 @@ def _eliminate(layout, places, pulls):
 def _held(layout):
     """(b * b, 4, components) A stiffness of one for the coordinates that nothing acts on."""
     b = len(layout.border)
-    out = np.zeros((b, b, 4, 2 if layout.dof == 4 else 3))
+    out = np.zeros((b, b, 4, layout.components))
     at = np.arange(b)
     for k in (0, 1):
         out[at, at, 3 * k, :2] = (layout.loose[:, 0, k] & layout.loose[:, 1, k])[:, None]
@@ -242,7 +245,7 @@ def _magnetic_pulls(layout, z):
     rows = [np.where((i < 0) | (j < 0), b * b, p * b + q) for p, q in ((i, j), (j, i))]
     rows = [np.where(p < 0, b * b, p * (b + 1)) for p in (i, j)] + rows
     k = z.stiffness[count:, 0, 0]
-    components = np.zeros((4, 2 if layout.dof == 4 else 3))
+    components = np.zeros((4, layout.components))
     components[0, :2] = 1.0
     return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * components
 

@@ -87,6 +87,11 @@ class Layout:
         return self.ties.free.reshape(self.n, -1, 2)
 
     @property
+    def components(self) -> int:
+        """Number of whirl components: p and q, and with 6 degrees of freedom the axial one."""
+        return self.dof // 2
+
+    @property
     def size(self) -> int:
         """Number of active degrees of freedom."""
         return int(self.active.sum())

@@ -100,7 +100,10 @@ class RotorModel(Part):
                 continue
             for (a, b), length in zip(shaft.pairs, np.asarray(shaft.length), strict=True):
                 # Numbers and words have no order but that of text; turned round, an element leads back.
-                key, length = ((a, b), length) if str(a) <= str(b) else ((b, a), -length)
+                key = (a, b)
+                if str(a) > str(b):
+                    key = (b, a)
+                    length = -length
                 first_length = lengths.setdefault(key, length)
                 if abs(length - first_length) > 1e-6 * abs(first_length):
                     bound = f"{abs(first_length):.6g} m from the first to the second node, as in"

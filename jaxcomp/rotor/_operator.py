@@ -129,8 +129,12 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
         stiff = 1.0 if system.damping is None else terms[0, 0]
         load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
         # Without the stiffness, which has acted through the deformations.
-        inertia = system.elements[..., 1:] if system.dof == 4 else system.elements[..., [1, 2, 4]]
-        terms = terms[1:] if system.dof == 4 else terms[np.array([1, 2, 4])]
+        if system.dof == 4:
+            inertia = system.elements[..., 1:]
+            terms = terms[1:]
+        else:
+            inertia = system.elements[..., [1, 2, 4]]
+            terms = terms[np.array([1, 2, 4])]
         dynamic = jnp.einsum("eijq,ql->eijl", inertia, terms)
         at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
         load = load + jnp.einsum("eijl,elj->eli", dynamic, at)

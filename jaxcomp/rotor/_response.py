@@ -66,7 +66,8 @@ class Response(Result, eqx.Module):
         *_, nodes, dof = np.shape(self.displacement)
         spin = np.asarray(self.spin_speed)
         frequency = np.asarray(self.frequency)
-        at = ("order", "speed")[2 - spin.ndim :] if spin.ndim <= 2 else ("order", "speed")
+        # a single response has no axis, one of a list of speeds the second alone
+        at = ("order", "speed")[max(2 - spin.ndim, 0) :]
         if spin.ndim == 2:  # of `respond`: the same speeds at every order
             order = np.round(frequency[:, :1] / np.where(spin[:, :1] == 0, np.inf, spin[:, :1]))
             yield Data("order", "", order[:, 0], ("order",))

@@ -16,7 +16,7 @@ inertia it is the Rayleigh beam, without both the Euler-Bernoulli beam.
 """
 
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -354,12 +354,13 @@ def stepped_shaft(
     share = np.repeat(1 / np.array(counts), counts)
     columns |= {"outer_diameter": outer_diameter}
     plain = {"theory", "shear_law", "spins"}
-    table = {
-        name: value if name in plain else jnp.broadcast_to(jnp.asarray(value, float), steps)[which]
-        for name, value in columns.items()
-        if value is not None
-    }
-    table |= {"length": length[which] * share}
+    table: dict[str, Any] = {"length": length[which] * share}
+    for name, value in columns.items():
+        if value is None:
+            continue
+        table[name] = value
+        if name not in plain:
+            table[name] = jnp.broadcast_to(jnp.asarray(value, float), steps)[which]
     for name in ("outer_diameter", "inner_diameter"):
         if f"{name}_end" in table:
             a = table.get(name, jnp.zeros(len(which)))

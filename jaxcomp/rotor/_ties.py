@@ -124,7 +124,9 @@ def _relations(n, dof, slaved, arms, holds):
     for hold in holds:
         gap: dict = {}
         for node, sign in ((hold.first, 1.0), (hold.second, -1.0)):
-            for master, matrix in relations.get(node, {node: eye}).items() if node < n else ():
+            if node == n:  # the ground, which does not move
+                continue
+            for master, matrix in relations.get(node, {node: eye}).items():
                 gap[master] = gap.get(master, 0.0) + sign * matrix[hold.coordinate]
         # Chosen once, for arms of no particular place: the layout must not depend on numbers.
         if hold.node < 0:
