@@ -28,12 +28,7 @@ class Slider:
         desk = page.desk
         low, high = desk.range_of(name)
         self.look = look = desk.look(name, [low, high])
-        self.ends = [
-            pn.widgets.FloatInput(
-                label=word, value=_short(self._shown(end)), width=96, margin=(5, 4)
-            )
-            for word, end in (("from", low), ("to", high))
-        ]
+        self.ends = [self._end("from", low), self._end("to", high)]
         label = desk.label(name)
         if look.unit:
             label = f"{label} [{look.unit}]"
@@ -53,6 +48,11 @@ class Slider:
         remove = pn.widgets.Button(label="×", width=30, margin=(5, 0))
         remove.on_click(lambda _: page.remove_slider(name))
         self.row = pn.FlexBox(self.slider, *self.ends, remove, align_items="end")
+
+    def _end(self, word: str, value: float) -> Any:
+        """The field of an end [SI]."""
+        shown = _short(self._shown(value))
+        return pn.widgets.FloatInput(label=word, value=shown, width=96, margin=(5, 4))
 
     @property
     def range(self) -> tuple[float, float]:

@@ -69,6 +69,7 @@ def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
     """[rad] Crank angles at even times from the top dead centre."""
     angle = np.asarray(turn.state.angle)
     speed = np.asarray(turn.state.speed)
+    # dt = dtheta / omega by trapezoids
     time = np.concatenate([[0.0], np.cumsum(np.diff(angle) * (1 / speed[1:] + 1 / speed[:-1]) / 2)])
     return np.interp(time[-1] * np.arange(frames) / frames, time, angle)
 
@@ -114,10 +115,10 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     drawn = {
         name: above.plot(*line, **line_look(name))[0] for name, line in sketches[0].lines.items()
     }
-    tips = {
-        name: _arrow(above, _GAS_TINT if name == "gas" else style.colour(name, place), 2.2)
-        for place, name in enumerate(sketches[0].arrows)
-    }
+    tips = {}
+    for place, name in enumerate(sketches[0].arrows):
+        tint = _GAS_TINT if name == "gas" else style.colour(name, place)
+        tips[name] = _arrow(above, tint, 2.2)
     _limits(above, sketches, reach)
     caption = above.text(
         0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=style.INK, va="top"
@@ -281,6 +282,7 @@ def _crank_line(cylinders: Crankshaft, radius: float, angle: float):
         rods = places[: throw.banks.size]
         places = places[throw.banks.size :]
         height = radius * np.cos(angle + float(throw.angle))
+        # up to the pin, along the rods, and down again
         z += np.repeat([min(rods) - room, max(rods) + room], 2).tolist()
         x += [0.0, height, height, 0.0]
     return z, x

@@ -114,10 +114,10 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     if compressor.gas is None or orbit.pressure is None:
         raise ValueError("A p-V diagram needs a compressor with gas.")
     diagram = first_diagram(compressor, fine_turn(compressor, orbit))
-    volume, pressure = (
-        np.append(curve, curve[0]) * factor
-        for curve, factor in zip(diagram, (1e6, 1e-6), strict=True)
-    )
+    # the first point once more, which closes the diagram
+    volume, pressure = (np.append(curve, curve[0]) for curve in diagram)
+    volume = 1e6 * volume
+    pressure = 1e-6 * pressure
     figure, ax = style.single((6.4, 4.2), "Indicator diagram")
     ax.fill(volume, pressure, color=style.colour("gas"), alpha=0.08, linewidth=0)
     ax.plot(volume, pressure, color=style.colour("gas"), linewidth=1.8, label="Cylinder, absolute")

@@ -52,11 +52,13 @@ def _compared_family(comparison: Comparison, family: str, title: str, label: str
     """The members of a family of powers [W], with a bar for each design."""
     labels = comparison.labels
     members = {}
+    lengths = []
     for row in comparison.rows:
         if row.name.startswith(family):
             members[row.name.removeprefix(family)] = row.values
-    values = np.array([[x or 0.0 for x in row] for row in members.values()])
-    values = values.reshape(-1, len(labels))
+            # `None` stands for a joint that a design does not have
+            lengths.append([power or 0.0 for power in row.values])
+    values = np.array(lengths).reshape(-1, len(labels))
     size = (7.2, 1.8 + (0.25 + 0.22 * len(labels)) * len(members))
     figure, ax = style.single(size, title)
     shifts, height = style.side_by_side(len(labels))
@@ -107,7 +109,7 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
     size = (7.6, 1.4 + 0.28 * max(len(ranked), 2))
     figure, ax = style.single(size, f"{title}: what {words} depends on most")
     values = np.array([influence.elasticity for influence in ranked])
-    tints = [_LOW if value > 0 else _HIGH for value in values]
+    tints = np.where(values > 0, _LOW, _HIGH).tolist()
     bars = ax.barh(range(len(ranked)), values, 0.7, color=tints)
     ax.bar_label(bars, fmt="{:+.3g}", padding=4, fontsize=8, color=style.INK)
     style.named_rows(

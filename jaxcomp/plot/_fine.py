@@ -65,13 +65,19 @@ def fine_turn(
     def evaluated(angle, speed, motor, journals):
         return acceleration(with_journals(compressor, journals), angle, speed, motor)
 
-    rise, gas_torque, loads = jax.vmap(evaluated, (0, 0, 0, None if journals is None else -1))(
-        angle, speed, motor, journals
-    )
+    journal_axis = None if journals is None else -1
+    over_angles = jax.vmap(evaluated, (0, 0, 0, journal_axis))
+    rise, gas_torque, loads = over_angles(angle, speed, motor, journals)
     # mapped over angles, forces come out as (n, 2); figures want them as orbits have them
     loads = eqx.tree_at(lambda x: x.forces, loads, {k: f.T for k, f in loads.forces.items()})
     pressure = None if compressor.gas is None else cylinder_pressure(compressor, angle)
-    return FineTurn(CrankState(angle, speed, rise), pressure, gas_torque, motor, loads)
+    return FineTurn(
+        state=CrankState(angle, speed, rise),
+        pressure=pressure,
+        gas_torque=gas_torque,
+        motor_torque=motor,
+        loads=loads,
+    )
 
 
 def first_diagram(
@@ -87,6 +93,7 @@ def first_diagram(
 
 
 def _periodic_cubic(x, knots, values, slopes):
+    # a knot of the neighbouring revolutions at each end, so that no interval is left out
     turn = 2 * jnp.pi
     knots = jnp.concatenate([knots[-1:] - turn, knots, knots[:1] + turn])
     values = jnp.concatenate([values[-1:], values, values[:1]])

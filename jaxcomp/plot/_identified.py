@@ -46,10 +46,10 @@ def _columns(identification: Identification, quantity: str):
     """Measured, computed, width of the interval, error, and which were fitted."""
     rows = identification.of(quantity)
     unit, relative = identification.kinds[quantity]
-    measured, computed, half, used = (
-        np.asarray(getattr(identification, key))[rows]
-        for key in ("measured", "computed", "half_width", "used")
-    )
+    measured = np.asarray(identification.measured)[rows]
+    computed = np.asarray(identification.computed)[rows]
+    half = np.asarray(identification.half_width)[rows]
+    used = np.asarray(identification.used)[rows]
     look = shown(quantity, unit, measured).drawn
     if relative:
         factor = 100.0
@@ -75,12 +75,12 @@ def _columns(identification: Identification, quantity: str):
 def _readings(identification: Identification, name: str, quantity: str) -> Figure:
     """Computed over measured, and the error over every condition that varies."""
     look, measured, computed, half, error, unit, used = _columns(identification, quantity)
-    axes = {key: _condition(identification, key, quantity) for key in identification.conditions}
-    axes = {
-        key: values
-        for key, values in axes.items()
-        if np.isfinite(values).all() and np.ptp(values) > 1e-9 * np.abs(values).max()
-    }
+    axes = {}
+    for key in identification.conditions:
+        values = _condition(identification, key, quantity)
+        # over one that is the same at all points but for rounding there is nothing to see
+        if np.isfinite(values).all() and np.ptp(values) > 1e-9 * np.abs(values).max():
+            axes[key] = values
     count = 1 + len(axes)
     figure, grid = style.abreast(count, (4.3 * count, 4.2), f"{name}: {look.label}")
     grid = np.atleast_1d(grid)

@@ -375,10 +375,13 @@ class _Conversion:
         up = 0.0
         if getattr(text, "anncoords", None) == "offset points":
             right, up = (_POINT * float(shift) for shift in text.xyann)
-        x, y = (
-            float(np.log10(v) if in_data and axis.get_scale() == "log" else v)
-            for v, in_data, axis in zip((x, y), inside, (ax.xaxis, ax.yaxis), strict=True)
-        )
+        # plotly has the exponents of logarithmic axes as coordinates of its texts
+        if inside[0] and ax.get_xscale() == "log":
+            x = np.log10(x)
+        if inside[1] and ax.get_yscale() == "log":
+            y = np.log10(y)
+        x = float(x)
+        y = float(y)
         anchors = {"center": "middle", "center_baseline": "middle", "baseline": "bottom"}
         self.write(
             words, x, y, _references(inside, place), size, xanchor=text.get_ha(),

@@ -36,10 +36,11 @@ def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
     Raises:
         TypeError: a mechanism that nobody has drawn yet.
     """
-    forces = {"gas": np.zeros(2)} | {
-        name: np.array([np.interp(angle, turn.state.angle, component) for component in force])
-        for name, force in forces_over(compressor, turn).items()
-    }
+    forces = {"gas": np.zeros(2)}
+    for name, (along, sideways) in forces_over(compressor, turn).items():
+        x = np.interp(angle, turn.state.angle, along)
+        y = np.interp(angle, turn.state.angle, sideways)
+        forces[name] = np.array([x, y])
     lines, feet = _drawing(compressor.mechanism, angle)
     feet |= dict.fromkeys(bearing_names(compressor.crankshaft), np.zeros(2))
     return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})

@@ -304,13 +304,17 @@ def _draw_shafts(ax, model, places) -> float:
     height = 1.0
     outline = []
     for shaft in model.shafts:
-        end = shaft.outer_diameter_end
-        outer = np.maximum(shaft.outer_diameter, shaft.outer_diameter if end is None else end)
-        inner = np.zeros_like(outer) if shaft.inner_diameter is None else shaft.inner_diameter
+        outer = np.asarray(shaft.outer_diameter)
+        if shaft.outer_diameter_end is not None:  # a cone as the cylinder around it
+            outer = np.maximum(outer, shaft.outer_diameter_end)
+        inner = shaft.inner_diameter
+        if inner is None:
+            inner = np.zeros_like(outer)
         for (a, b), do, di, rho in zip(shaft.pairs, outer, inner, shaft.density, strict=True):
             z = sorted((places[a][2], places[b][2]))
             outline.append((float(do) * 1e3, float(di) * 1e3, z[0] * 1e3, z[1] * 1e3, float(rho)))
             height = max(height, float(do) * 500)
+    # the widest first, so that narrow elements inside them stay visible
     for do, di, z0, z1, rho in sorted(outline, reverse=True):
         for low in (di / 2, -do / 2):
             ax.add_patch(Rectangle((z0, low), z1 - z0, (do - di) / 2, **_SOLID[bool(rho)]))
@@ -336,6 +340,7 @@ def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
     """Real part of x (nodes, planes) at the phase of the largest, each subset along z."""
     places = node_positions(model)
     names = list(node_names(model))
+    # a mode has any phase: at this one its largest motion is real, and so drawn in full
     largest = x[:, : len(axes)].reshape(-1)
     turn = np.exp(-1j * np.angle(largest[np.argmax(np.abs(largest))]))
     groups = zip(subset_names(model), subsets(model), strict=True)

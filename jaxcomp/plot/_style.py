@@ -153,6 +153,7 @@ def over_turn(angle, *curves):
     degrees = (np.rad2deg(np.asarray(angle)) + 180) % 360 - 180
     order = np.argsort(degrees)
     closed = [np.pad(np.asarray(values)[order], 1, "wrap") for values in (degrees, *curves)]
+    # the points that wrap around belong to the neighbouring revolutions
     closed[0][[0, -1]] += -360, 360
     return closed
 
@@ -213,6 +214,7 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
         ax.margins(0.12)  # for numbers beside the ends of the curve
     places = np.asarray(y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y)
     points = places * _points_per_unit(ax, places)
+    # between the points as well, where a number could lie on the line
     curve = np.concatenate([points + k / 4 * (np.roll(points, -1) - points) for k in range(4)])
     centres: list[complex] = []
     numbered: list[complex] = []

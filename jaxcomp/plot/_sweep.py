@@ -161,7 +161,9 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     second = _drawn(dataset, dims[1]) if len(dims) == 2 else None
     sign = -1.0 if dataset[name].attrs.get("better") == "less" else 1.0
     for tint, column in zip(tints, columns, strict=True):
-        label = None if second is None else second.text(float(dataset[dims[1]][column]), 4)
+        label = None
+        if second is not None:
+            label = second.text(float(dataset[dims[1]][column]), 4)
         curve = values[:, column]
         points = np.isfinite(curve).sum()
         ax.plot(px, curve, "o-" if points <= 40 else "-", color=tint, linewidth=1.5, markersize=2.5,
@@ -266,7 +268,9 @@ def _sliced(dataset, name, keep):
     words = []
     for dim in further:
         values = np.asarray(dataset[dim])
-        at[dim] = values.size // 2 if best is None else int(np.argmin(abs(values - best[dim])))
+        at[dim] = values.size // 2
+        if best is not None:
+            at[dim] = int(np.argmin(abs(values - best[dim])))
         look = _drawn(dataset, dim)
         words.append(f"{look.words.lower()} {look.text(float(values[at[dim]]), 4)}")
     return dataset.isel(at), f", at {', '.join(words)}"

@@ -37,7 +37,7 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
         orbit: of `solve_orbit`.
     """
     turn = fine_turn(compressor, orbit)
-    force, moment = (np.asarray(x) for x in _wrench(compressor, turn.state))
+    force, moment = map(np.asarray, _wrench(compressor, turn.state))
     look = shown("force", "N", force)
     force_x, force_y = look.factor * force[:2]
     figure, (locus, moments) = style.abreast(2, (8.6, 4.0), "Shaking force and moments")

@@ -75,7 +75,7 @@ def report(
         lead = f'<p class="lead">{escape(scene.description)}</p>'
         sources = _section("The machine and its sources", sources_html(scene))
     shown = tables_html(tables) or numbers_html(result)
-    versions = ", ".join(f"{library} {number}" for library, number in provenance.versions.items())
+    versions = ", ".join(map(" ".join, provenance.versions.items()))
     origin = f'<pre class="command">{escape(provenance.command)}</pre>'
     origin += f'<p class="faint">{escape(provenance.at)}, {escape(versions)}</p>'
     parts = [
@@ -138,11 +138,11 @@ def tables_html(tables: Iterable[Any]) -> str:
 
 def numbers_html(result: Mapping[str, Any]) -> str:
     """The single numbers and words of a result, where nobody made tables of it."""
-    rows = [
-        f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in _flat(result)
-    ]
+    rows = ""
+    for name, value in _flat(result):
+        rows += f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>"
     head = "<tr><th>Result, in SI units</th><th></th></tr>"
-    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+    return f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>"
 
 
 def rich_html(markup: Any) -> str:
@@ -168,7 +168,7 @@ def rich_html(markup: Any) -> str:
 
 def _table(table: Table) -> str:
     headers = [rich_html(column.header) for column in table.columns]
-    title = rich_html(table.title) if table.title else ""
+    title = rich_html(table.title or "")
     if not title and table.columns and _names_rows(table.columns[0]):
         # the head of a column of names says what the table is about
         title = headers[0]
@@ -184,17 +184,23 @@ def _table(table: Table) -> str:
     for number, row in enumerate(table.rows):
         cells = "".join(column[number] for column in columns)
         cells = re.sub(r"(?<=\d) (?=[^\d\s<]\S{0,5}<)", "&nbsp;", cells)  # a number and its unit
-        section_end = ' class="last"' if row.end_section else ""
-        body.append(f"<tr{section_end}>{cells}</tr>")
-    head = f"<thead><tr>{''.join(heads)}</tr></thead>" if any(headers) else ""
-    caption = f'<p class="faint">{rich_html(table.caption)}</p>' if table.caption else ""
+        opening = '<tr class="last">' if row.end_section else "<tr>"
+        body.append(f"{opening}{cells}</tr>")
+    head = ""
+    if any(headers):
+        head = f"<thead><tr>{''.join(heads)}</tr></thead>"
+    caption = ""
+    if table.caption:
+        caption = f'<p class="faint">{rich_html(table.caption)}</p>'
     return f"{title}<table>{head}<tbody>{''.join(body)}</tbody></table>{caption}"
 
 
 def _cells(column: Column) -> list[str]:
     """Cells of a column, with room behind numbers that stand to the right."""
     texts = list(column.cells)
-    rooms = _rooms(texts) if column.justify == "right" else [""] * len(texts)
+    rooms = [""] * len(texts)
+    if column.justify == "right":
+        rooms = _rooms(texts)
     side = f' class="{column.justify}"'
     rows = zip(texts, rooms, strict=True)
     return [f"<td{side}>{rich_html(text)}{room}</td>" for text, room in rows]
@@ -270,7 +276,7 @@ def _saved(figure: Figure, kind: str) -> bytes:
 def sources_html(scene: Scene) -> str:
     """All values of a scene by section: as given, in SI units, where they come from."""
     rows = describe(scene)
-    heads = "".join(f"<th>{word}</th>" for word in ("Value", "Given", "SI", "Source", "Meaning"))
+    heads = "<th>Value</th><th>Given</th><th>SI</th><th>Source</th><th>Meaning</th>"
     bodies = []
     for section, group in groupby(rows, lambda row: row.path.partition(".")[0]):
         title = f'<tr class="section"><th colspan="5">{escape(section)}</th></tr>'
@@ -281,11 +287,10 @@ def sources_html(scene: Scene) -> str:
 
 def _tally(rows: tuple[DescribedValue, ...]) -> str:
     """Numbers of values by where they come from, by the first word of the source."""
-    words = Counter(
-        row.source.partition(",")[0].strip() or "without a source"
-        for row in rows
-        if not row.path.endswith(".type")
-    )
+    words = Counter()
+    for row in rows:
+        if not row.path.endswith(".type"):
+            words[row.source.partition(",")[0].strip() or "without a source"] += 1
     parts = ", ".join(f"{count} {word}" for word, count in words.most_common())
     return f"{words.total()} values: {parts}."
 
@@ -294,9 +299,9 @@ def _row(row: DescribedValue) -> str:
     written = "" if row.given is None else str(row.given)
     # a long path breaks between its words
     path = re.sub(r"([._])", r"\1<wbr>", f"<td>{escape(row.path)}</td>")
-    cells = "".join(f"<td>{escape(cell)}</td>" for cell in (written, _si(row), row.source, row.doc))
-    faint = ' class="faint"' if row.given is None else ""
-    return f"<tr{faint}>{path}{cells}</tr>"
+    cells = map(escape, (written, _si(row), row.source, row.doc))
+    opening = '<tr class="faint">' if row.given is None else "<tr>"
+    return f"{opening}{path}<td>{'</td><td>'.join(cells)}</td></tr>"
 
 
 def _si(row: DescribedValue) -> str:
@@ -304,7 +309,7 @@ def _si(row: DescribedValue) -> str:
         word = str(row.value)
         if row.given is not None:
             return ""
-        return word.lower() if word in ("True", "False") else word
+        return {"True": "true", "False": "false"}.get(word, word)
     if row.value.ndim == 1 and row.value.size > 1 and np.all(row.value == row.value[0]):
         return f"{row.value.size} × {row.value[0]:.6g} {row.unit}".strip()
     if row.value.ndim == 0:

@@ -177,8 +177,10 @@ def _part(part: type[Part], kind: str, several: bool, parts: dict[str, Any]) -> 
         columns = []
         for key in _required_keys(part):
             entry = entries(part)[key]
-            is_list = isinstance(entry, Number) and entry.shape[:1] == (None,)
-            (columns if is_list else required).append(key)
+            if isinstance(entry, Number) and entry.shape[:1] == (None,):
+                columns.append(key)
+            else:
+                required.append(key)
         keywords: dict[str, Any] = {"required": required, "description": summary(part)}
         if columns:  # which may come from a file
             keywords["anyOf"] = [{"required": columns}, {"required": [KEY]}]

@@ -132,11 +132,9 @@ def load(name_or_path: str | os.PathLike) -> Scene:
         raise SceneError("", f"cannot be read: No such file{hint(name, files)}", file=name)
     else:
         file = f"{name}.toml"
-        near = (
-            f'; did you mean "{file}"?'
-            if Path(file).exists()
-            else did_you_mean(name, bundled_files)
-        )
+        near = did_you_mean(name, bundled_files)
+        if Path(file).exists():
+            near = f'; did you mean "{file}"?'
         raise SceneError("", f'no machine and no file has the name "{name}"{near}')
     with reading(file):
         return loads(read(), file)

@@ -219,7 +219,7 @@ def same_fluid(name: str, other_name: str) -> bool:
 def fluid_of(machine: "Machine") -> str:
     """Name of the fluid that a machine compresses, "" of one that has none."""
     compressor: Any = machine.compressor
-    gas = None if compressor is None else compressor.gas
+    gas = getattr(compressor, "gas", None)
     return str(getattr(getattr(gas, "fluid", None), "name", ""))
 
 

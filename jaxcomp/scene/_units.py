@@ -245,17 +245,15 @@ def as_text(value: Any, unit: str, written: Any = None) -> Any:
         written: the entry that it replaces, whose unit is kept where that is exact.
     """
     if np.ndim(value):
-        olds = (
-            written
-            if isinstance(written, list) and len(written) == len(value)
-            else [None] * len(value)
-        )
-        return [as_text(item, unit, old) for item, old in zip(value, olds, strict=True)]
+        if not isinstance(written, list) or len(written) != len(value):
+            written = [None] * len(value)
+        return [as_text(item, unit, old) for item, old in zip(value, written, strict=True)]
     if not unit:
         return float(value)
     match = _quantity(written)
     if match and match[2]:
         size, zero = scale(match[2], unit, True)
+        # the shortest that is exact: 17 digits always are, but for the rounding of the unit
         for digits in (12, 15, 17):
             text = f"{(float(value) - zero) / size:.{digits}g}"
             if float(text) * size + zero == value:

@@ -363,8 +363,10 @@ def modes_of_responses(hertz: NDArray, responses: NDArray) -> tuple[NDArray, NDA
     """
     size = np.sqrt(np.sum(np.abs(responses) ** 2, axis=0))
     bends = np.sqrt(np.sum(np.abs(np.diff(responses, 2, axis=1)) ** 2, axis=0))
+    # the second difference of white noise has 1 + 4 + 1 times its variance; the median passes over peaks
     noise = float(np.median(bends)) / np.sqrt(6)
     peaks, _ = find_peaks(size, height=max(_HEIGHT * size.max(), _NOISE * noise))
+    # a maximum on the flank of a peak, of noise or of a mode close by, does not stand out
     stands = peak_prominences(size, peaks)[0] > _STANDS_OUT * size[peaks]
     peaks = peaks[stands]
     if not peaks.size:
@@ -417,8 +419,10 @@ def _fitted_mode(hertz: NDArray, responses: NDArray) -> tuple[float, NDArray]:
     d0, d1 = coefficients[:2]
     if not d0 > d1**2 / 4:
         raise SceneError("", f"has a peak at {scale:.4g} Hz that is no mode with little damping")
+    # the one of two conjugate poles above the real axis, near s = i
     pole = -d1 / 2 + 1j * np.sqrt(d0 - d1**2 / 4)
     n = coefficients[2 : 2 + 2 * count] + 1j * coefficients[2 + 2 * count :]
     residue = n[::2] + n[1::2] * pole
+    # a shape has any factor: this one makes its largest component 1, and the others nearly real
     largest = residue[np.argmax(np.abs(residue))]
     return float(scale * np.sqrt(d0)), np.real(residue / largest)

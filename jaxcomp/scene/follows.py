@@ -92,7 +92,9 @@ def _of_cylinders(compressor: Compressor):
     crankshaft = compressor.crankshaft
     intervals = np.rad2deg(np.asarray(crankshaft.firing_intervals))
     even = np.ptp(intervals) < 0.01
-    shown = f"{intervals[0]:.4g}" if even else ", ".join(f"{x:.4g}" for x in intervals)
+    if even:
+        intervals = intervals[:1]
+    shown = ", ".join(f"{interval:.4g}" for interval in intervals)
     differing = list(listed((compressor.mechanism, compressor.gas)))
     for section, tree in (("gas", compressor.gas), ("friction", compressor.friction)):
         for path, part in subparts(tree):

@@ -124,6 +124,7 @@ class _Table:
         """The vibration that a line reads, and of the initial run its weight."""
         run = cell["run"]
         target = cell["target"]
+        # speeds of several runs are the same number only once the rounding of units is gone
         key = (target, round(_number(cell, "speed", self.scale, number), 6))
         run_readings = self.readings.setdefault(run, {})
         if key in run_readings:
@@ -192,7 +193,7 @@ class _Table:
         """Entries that a table without the first run lacks, in words."""
         runs = ", ".join(list(self.readings)[:_FEW])
         near = nearest(_INITIAL, self.readings)
-        meant = "" if near is None else f'; write "{_INITIAL}" for "{near}"'
+        meant = f'; write "{_INITIAL}" for "{near}"' if near else ""
         return (
             f'has no line "{_INITIAL}", which is the reading as the machine is, without any trial '
             f"weight; the runs of the table are {runs or 'none'}{meant}"
@@ -223,8 +224,8 @@ class _Table:
         keys = list(self.readings[_INITIAL])
         initial = self._in_order(_INITIAL, keys)
         readings = np.array([self._in_order(run, keys) for run in self.trials])
-        rows = [InfluenceRow(target, "measured", speed) for target, speed in keys]
-        row_weights = np.array([self.weights.get(key, 1.0) for key in keys])
+        rows = _influence_rows(keys)
+        row_weights = self._row_weights(keys)
         planes = list(dict.fromkeys(self.plane_of.values()))
         if self.with_phase and "plane" not in self.units:
             trials = np.array(list(self.trials.values()))
@@ -238,6 +239,10 @@ class _Table:
         except BadInput:
             problem = f"must act in each plane in a way of its own; {self._runs_by_plane()}"
             raise SceneError("trial", problem) from None
+
+    def _row_weights(self, keys: Sequence[tuple[str, float]]) -> np.ndarray:
+        """Weight of every reading of the initial run; 1 where the table has none."""
+        return np.array([self.weights.get(key, 1.0) for key in keys])
 
     def _in_order(self, run: str, keys: Sequence[tuple[str, float]]) -> np.ndarray:
         """Readings of a run in the order of the initial one, which its lines need not have."""
@@ -255,9 +260,9 @@ class _Table:
             return amplitude_influence(
                 np.abs(np.vstack([initial, readings])),
                 np.vstack([np.zeros(len(planes)), weights]),
-                [InfluenceRow(target, "measured", speed) for target, speed in keys],
+                _influence_rows(keys),
                 planes,
-                np.array([self.weights.get(key, 1.0) for key in keys]),
+                self._row_weights(keys),
             )
         except BadInput:
             problem = (
@@ -283,6 +288,10 @@ class _Table:
             if self.kept[run]:
                 staying = on
         return np.array(rows)
+
+
+def _influence_rows(keys: Sequence[tuple[str, float]]) -> list[InfluenceRow]:
+    return [InfluenceRow(target, "measured", speed) for target, speed in keys]
 
 
 def _take_off(readings, targets) -> None:

@@ -137,7 +137,8 @@ def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Reading
             raise SceneError(f"sd({quantity})", f"needs a column {quantity}")
         if quantity in values:
             deviation = columns.deviations(quantity, MEASURED[quantity][0], values[quantity])
-            deviations |= {} if deviation is None else {quantity: deviation}
+            if deviation is not None:
+                deviations[quantity] = deviation
     conditions = {quantity: numbers[quantity] for quantity in CONDITIONS if quantity in columns}
     return _readings(name, metadata, conditions, len(columns), values, deviations)
 
@@ -311,7 +312,8 @@ def sampled(
             return rows(S, D)
         return {quantity: terms_of(count, S, D, turns) @ row for quantity, row in rows.items()}
 
-    step = 0.1  # K
+    # [K] of the differences by which the sense of a slope is judged
+    step = 0.1
     values = dict(at(S, D))
     warmer = at(S + step, D)
     hotter = at(S, D + step)
@@ -400,7 +402,7 @@ def identified_scene(scene: Scene, found: Identification) -> Scene:
         scene = with_machine(scene, parameter.apply(scene.machine, found.estimate[n]), source)
     # the description of the file that it began with holds no longer
     words = f"Identified from {found.source}, beginning with {scene.name}"
-    gas = None if scene.machine.compressor is None else scene.machine.compressor.gas
+    gas = getattr(scene.machine.compressor, "gas", None)
     fluid = getattr(gas, "fluid", None)
     if isinstance(fluid, AbstractRealGas):
         words += f", with {fluid.name}"

@@ -157,7 +157,10 @@ def identified_tolerances(found: Identification) -> str:
     Args:
         found: the result.
     """
-    grown = max(1.0, found.fit.scatter) if found.fit is not None else 1.0
+    # residuals that are smaller than the readings are sure of make no constant surer
+    grown = 1.0
+    if found.fit is not None:
+        grown = max(1.0, found.fit.scatter)
     indices = [n for n in range(found.constants) if "*" not in found.parameters[n]]
     error = [float(e) * grown for e in found.standard_error.tolist()]
     lines = [f"# identified from {found.source}", "[tolerances]"]
