@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.arguments import single_number
-from .._core.each import listed
+from .._core.each import listed, of_cylinder
 from .._core.errors import BadInput, no_machine
 from .._core.fields import (
     ANY,
@@ -200,7 +200,7 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
 
     Args:
         machine: the machine to start from, or its compressor alone.
-        volume: [m^3] that the piston of one cylinder displaces.
+        volume: [m^3] that the piston of one cylinder displaces; of different ones the first.
 
     Raises:
         BadInput: a machine with a rotor, which does not follow.
@@ -260,7 +260,8 @@ def _similar_volume(machine) -> Float[Array, ""]:
     if isinstance(machine, Machine) and "rotor" in machine.parts:
         bound = "left alone with a rotor, which would not follow"
         raise BadInput("similar_swept_volume", "given", bound)
-    return _compressor(machine).mechanism.swept_volume
+    # of the first cylinder, also where the others differ: all lengths grow by one factor
+    return of_cylinder(_compressor(machine).mechanism).swept_volume
 
 
 def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:

@@ -15,6 +15,7 @@ from jaxcomp.crank import Collocation
 from jaxcomp.crankshaft import counterweights
 from jaxcomp.mechanism import CrankState
 from jaxcomp.scene import load, with_values
+from jaxcomp.scene.contents import describe_variables
 from jaxcomp.study import (
     compare_drives,
     design_rules,
@@ -212,6 +213,17 @@ def test_a_similar_machine_follows_its_swept_volume():
         np.testing.assert_allclose(after, 2.0**power * before, rtol=1e-14, err_msg=path)
     with pytest.raises(BadInput, match="with a rotor"):
         with_swept_volume(load("hermetic-68cc").machine, 1e-5)
+
+
+def test_a_similar_machine_with_stages_has_one_factor_of_length():
+    scene = load("two-stage-crosshead")
+    first, second = scene.machine.compressor.mechanism.swept_volume
+    assert float(design_rules["similar_swept_volume"].current(scene.machine)) == float(first)
+    twice = with_swept_volume(scene.machine, 2 * first).compressor
+    # of both cylinders alike; rounding of a cube root
+    np.testing.assert_allclose(twice.mechanism.swept_volume, [2 * first, 2 * second], rtol=1e-14)
+    shown = describe_variables(scene)["similar_swept_volume"]
+    assert shown["value"] == float(first)
 
 
 def test_derivatives_of_the_rules_equal_differences(machine):
