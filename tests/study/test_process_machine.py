@@ -1,4 +1,4 @@
-"""The bundled process compressor: balances, load steps, and what its notebook says."""
+"""The bundled process compressor: its flows, load steps, and what its notebook says."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,12 @@ def table():
 
 
 @pytest.mark.slow  # compiles the cycles of two stages with two ends each, for a minute
-def test_stages_of_the_process_compressor_pass_on_one_flow_and_its_heat_closes(table):
+def test_stages_of_the_process_compressor_pass_on_one_flow(table):
     full = table.states[0]
     cycle = full.orbit.cycle
     first, second = cycle.flow_of_stages
     np.testing.assert_allclose(first, second, rtol=1e-8)
     assert 1e6 < float(cycle.interstage_pressures[0]) < 4.5e6
-    assert abs(full.quantities["heat_closure"]) < 1e-7
 
 
 @pytest.mark.slow  # as above
