@@ -31,7 +31,7 @@ def test_load_steps_of_the_process_compressor_fall_in_flow_and_power(table):
     powers = [row["shaft_power"] for row in rows]
     assert flows == sorted(flows, reverse=True)
     assert powers == sorted(powers, reverse=True)
-    # pockets take a tenth, idle crank ends about half of the flow
+    # pockets take a sixth, idle crank ends about half of the flow
     shares = [row["flow_share"] for row in rows]
     assert 0.8 < shares[1] < 0.95
     assert 0.45 < shares[2] < 0.55
