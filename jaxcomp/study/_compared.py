@@ -147,8 +147,14 @@ def rod_driven(machine: Compressor | HasCompressor, rod: RodDrive) -> Compressor
         piston_pin=CoulombJournal(rod.pin_coefficient, rod.pin_diameter),
         crank_pin=friction.crank_pin,
     )
-    parts = compressor.motor, compressor.gas, laws, compressor.gravity
-    return Compressor(crank, crankshaft, *parts)
+    return Compressor(
+        mechanism=crank,
+        crankshaft=crankshaft,
+        motor=compressor.motor,
+        gas=compressor.gas,
+        friction=laws,
+        gravity=compressor.gravity,
+    )
 
 
 class DriveComparison(Result, eqx.Module):
@@ -179,9 +185,9 @@ class DriveComparison(Result, eqx.Module):
         yield Data("saving", "W", saving, self.table_dims, "at the gas power of the slider-link")
         yield Data("total_saving", "W", self.total_saving, doc="at the shaft")
         for drive in ("slider_link", "connecting_rod"):
-            for one in getattr(self, drive).described():
-                if not one.dims:
-                    yield one._replace(name=f"{drive}.{one.name}")
+            for entry in getattr(self, drive).described():
+                if not entry.dims:
+                    yield entry._replace(name=f"{drive}.{entry.name}")
 
 
 def compare_drives(
@@ -197,13 +203,14 @@ def compare_drives(
     Raises:
         BadInput: as `rod_driven`.
     """
-    both = compressor_of(machine), rod_driven(machine, rod)
-    link, crank = (solve_orbit(one, solver, throw=False) for one in both)
+    rod_machine = rod_driven(machine, rod)
+    link = solve_orbit(compressor_of(machine), solver, throw=False)
+    crank = solve_orbit(rod_machine, solver, throw=False)
     scale = link.gas_power / crank.gas_power
-    saving = {
-        name: loss - scale * crank.loss_power.get(_COUNTERPART.get(name, name), 0.0)
-        for name, loss in link.loss_power.items()
-    }
+    saving = {}
+    for name, loss in link.loss_power.items():
+        counterpart = _COUNTERPART.get(name, name)
+        saving[name] = loss - scale * crank.loss_power.get(counterpart, 0.0)
     return DriveComparison(link, crank, saving)
 
 
@@ -239,8 +246,8 @@ class Comparison(Result):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, NaN where a design has no such thing."""
         yield Data("design", "", np.array(self.labels), self.table_dims)
-        for one in self.rows:
-            yield Data(one.name, one.unit, np.array(one.values, float), self.table_dims)
+        for row in self.rows:
+            yield Data(row.name, row.unit, np.array(row.values, float), self.table_dims)
 
     def nested(self) -> dict[str, Any]:
         """Every row with its unit beside it."""
@@ -267,38 +274,38 @@ def compare(
         BadInput: an unknown quantity, or one that no design has.
         SolveFailed: no convergence; the message names the design.
     """
-    asked = tuple(map(quantity_named, quantities or ()))
+    requested = tuple(map(quantity_named, quantities or ()))
     figures = []
-    for label, one in machines.items():
+    for label, machine in machines.items():
         try:
-            orbit = solve_orbit(compressor_of(one), solver, throw=throw)
+            orbit = solve_orbit(compressor_of(machine), solver, throw=throw)
         except SolveFailed as error:
             error.args = (f"{label}: {error}",)
             raise
-        if asked:
-            figures.append(_values_of(one, orbit, asked, offered=False))
+        if requested:
+            figures.append(_values_of(machine, orbit, requested, offered=False))
         else:
-            figures.append(_figures(one, orbit))
-    for wanted in asked:
-        if not any(wanted.name in table for table in figures):
+            figures.append(_figures(machine, orbit))
+    for figure in requested:
+        if not any(figure.name in table for table in figures):
             first = next(iter(machines.values()))
-            raise MissingPart(wanted.name, wanted.missing(_described(first)))
-    dimensions = _joined([dict(_dimensions(one)) for one in machines.values()])
+            missing = figure.missing(_described(first))
+            raise MissingPart(figure.name, missing)
+    dimensions = _joined([dict(_dimensions(machine)) for machine in machines.values()])
     differing = [row for row in dimensions if len(set(row.values)) > 1]
     return Comparison(tuple(machines), (*_joined(figures), *differing))
 
 
 def _figures(machine: Any, orbit: Orbit) -> dict[str, tuple[str, float]]:
     """Unit and value of what a design is judged by: headlines, the single numbers of its orbit, power."""
-    wanted = [quantity_named(name) for name in HEADLINES]
-    wanted += [one for one in registered() if one.family == "power_use"]
-    judged = tuple(one for one in wanted if {*one.needs} <= _OF_CRANK)
+    candidates = [quantity_named(name) for name in HEADLINES]
+    candidates += [quantity for quantity in registered() if quantity.family == "power_use"]
+    judged = tuple(quantity for quantity in candidates if {*quantity.needs} <= _OF_CRANK)
     values = _values_of(machine, orbit, judged)
-    single = {
-        one.name: (one.unit, float(one.values))
-        for one in orbit.described()
-        if not one.dims and not one.name.endswith("residual")
-    }
+    single = {}
+    for entry in orbit.described():
+        if not entry.dims and not entry.name.endswith("residual"):
+            single[entry.name] = entry.unit, float(entry.values)
     first = {name: value for name, value in values.items() if name in HEADLINES}
     return first | single | values
 
@@ -308,16 +315,18 @@ def _values_of(
 ) -> dict[str, tuple[str, float]]:
     """Unit and value of those quantities that a design has, a family member by member."""
     design = _described(machine)
-    suiting = tuple(one for one in quantities if not one.missing(design))
-    values = jax.device_get(_evaluated(design, orbit, suiting, offered)) if suiting else {}
+    suiting = tuple(figure for figure in quantities if not figure.missing(design))
+    if not suiting:
+        return {}
+    values = jax.device_get(_evaluated(design, orbit, suiting, offered))
     out = {}
-    for one in suiting:
-        if one.name not in values:
+    for figure in suiting:
+        if figure.name not in values:
             continue
-        members = values[one.name] if one.family else {"": values[one.name]}
+        members = values[figure.name] if figure.family else {"": values[figure.name]}
         for member, value in members.items():
-            name = f"{one.family}.{member}" if member else one.name
-            out[name] = one.unit, float(value)
+            name = f"{figure.family}.{member}" if member else figure.name
+            out[name] = figure.unit, float(value)
     return out
 
 
@@ -335,24 +344,30 @@ def _evaluated(
     result.orbit = orbit
     if offered:
         return offered_values(quantities, result)
-    return {one.name: one.value(result) for one in quantities}
+    return {quantity.name: quantity.value(result) for quantity in quantities}
 
 
 def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuantity]:
     """One row for each name, in the order in which they come first, all `loss_power` together."""
-    units = {name: unit for table in tables for name, (unit, _) in table.items()}
-    families = list(dict.fromkeys(name.partition(".")[0] for name in units))
-    return [
-        ComparedQuantity(
-            name, units[name], tuple(t[name][1] if name in t else None for t in tables)
-        )
-        for name in sorted(units, key=lambda name: families.index(name.partition(".")[0]))
-    ]
+    units = {}
+    for table in tables:
+        units |= {name: unit for name, (unit, _) in table.items()}
+    families = list(dict.fromkeys(map(_family, units)))
+    absent = ("", None)
+    rows = []
+    for name in sorted(units, key=lambda name: families.index(_family(name))):
+        values = tuple(table.get(name, absent)[1] for table in tables)
+        rows.append(ComparedQuantity(name, units[name], values))
+    return rows
+
+
+def _family(name: str) -> str:
+    return name.partition(".")[0]
 
 
 def _dimensions(machine: Any) -> Iterator[tuple[str, tuple[str, float]]]:
-    given = machine if isinstance(machine, Compressor) else machine_of(machine).compressor
-    for path, part in subparts(given):
+    compressor = machine if isinstance(machine, Compressor) else machine_of(machine).compressor
+    for path, part in subparts(compressor):
         for name, field in quantities(part):
             value = getattr(part, name)
             if value is not None and not np.ndim(value):

@@ -120,15 +120,10 @@ Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
 def _slsqp(descent: Descent, start) -> None:
     """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
     equal = descent.goal.equalities
-    # SciPy keeps fun >= 0, a goal g <= 0.
     constraints = [
-        {
-            "type": kind,
-            "fun": lambda u, of=of: -descent.near(u).limits.values[of],
-            "jac": lambda u, of=of: -descent.near(u).limits.slope[of],
-        }
-        for kind, of in (("eq", equal), ("ineq", ~equal))
-        if of.any()
+        _constraint(descent, kind, rows)
+        for kind, rows in (("eq", equal), ("ineq", ~equal))
+        if rows.any()
     ]
     steep = np.max(np.abs(descent.near(start).gradient))
     # SLSQP begins with a unit Hessian, so that its first step is minus the slope: at most `_FIRST`.
@@ -145,6 +140,15 @@ def _slsqp(descent: Descent, start) -> None:
         # The test of convergence and the number of steps are `at`'s.
         options={"ftol": 1e-14, "maxiter": 10_000},
     )
+
+
+def _constraint(descent: Descent, kind: str, rows) -> dict[str, Any]:
+    """Some of the limits of a goal for SciPy, which keeps fun >= 0, while a goal keeps g <= 0."""
+    return {
+        "type": kind,
+        "fun": lambda u: -descent.near(u).limits.values[rows],
+        "jac": lambda u: -descent.near(u).limits.slope[rows],
+    }
 
 
 def keep_limits(descent: Descent, start) -> None:
@@ -190,17 +194,17 @@ def _first_order(transformation: "optax.GradientTransformation") -> Method:
     update = jax.jit(transformation.update)
 
     def method(descent: Descent, start) -> None:
-        here = start
-        there = start
+        previous = start
+        share = start
         state = transformation.init(start)
         while True:
-            point = descent.at(there)
+            point = descent.at(share)
             if not point.ok:
-                there = (here + there) / 2
+                share = (previous + share) / 2
                 continue
-            step, state = update(point.gradient, state, there)
-            here = there
-            there = np.clip(there + np.asarray(step), 0.0, 1.0)
+            step, state = update(point.gradient, state, share)
+            previous = share
+            share = np.clip(share + np.asarray(step), 0.0, 1.0)
 
     return method
 
@@ -216,7 +220,8 @@ def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -
     named = method if isinstance(method, str) else "a transformation of optax"
     if named == "slsqp":
         return _slsqp
-    if method not in METHODS if isinstance(method, str) else not hasattr(method, "update"):
+    usable = method in METHODS if isinstance(method, str) else hasattr(method, "update")
+    if not usable:
         raise BadInput("method", str(method), f"one of {', '.join(METHODS)}, or of optax")
     if goal.limits:
         raise BadInput("method", named, "'slsqp' with constraints")

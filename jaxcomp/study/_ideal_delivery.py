@@ -32,12 +32,14 @@ class IdealDelivery(NamedTuple):
     stage_pressures: dict[str, Float[Array, ""]]
 
 
-def ideal_delivery(compressor: Compressor, given: Any, speed: Float[Array, ""]) -> IdealDelivery:
+def ideal_delivery(
+    compressor: Compressor, machine_gas: Any, speed: Float[Array, ""]
+) -> IdealDelivery:
     """Delivery of a machine whose gas is polytropic, double-acting or staged.
 
     Args:
         compressor: put together: stages have their pressures.
-        given: the gas as the machine has it.
+        machine_gas: the gas as the machine has it.
         speed: [rad/s] mean.
     """
     gas: Any = compressor.gas
@@ -49,31 +51,40 @@ def ideal_delivery(compressor: Compressor, given: Any, speed: Float[Array, ""]) 
         rod = jnp.pi / 4 * gas.rod_diameter**2 * stroke
         chambers = [(gas.head_end, swept), (gas.crank_end, swept - rod)]
     stages = jnp.ones(count, int)
-    last = 1
+    last_stage = 1
     pressures = {}
-    ends = given.head_end if isinstance(given, DoubleActing) else given
-    if isinstance(given, StagedCycle):
-        stages = jnp.asarray(given.stages)
-        last = max(given.stages)
-        between = given.between(area, stroke)
-        pressures = {str(stage): between[stage] for stage in range(1, last)}
+    ends = machine_gas.head_end if isinstance(machine_gas, DoubleActing) else machine_gas
+    if isinstance(machine_gas, StagedCycle):
+        stages = jnp.asarray(machine_gas.stages)
+        last_stage = max(machine_gas.stages)
+        between = machine_gas.between(area, stroke)
+        pressures = {str(stage): between[stage] for stage in range(1, last_stage)}
     first = stages == 1
-    volume = jnp.sum(jnp.stack([jnp.where(first, size, 0.0) for _, size in chambers]))
-    drawn = jnp.sum(
-        jnp.stack([jnp.where(first, cycle.filling * size, 0.0) for cycle, size in chambers])
-    )
+
+    def of_first_stage(amounts):
+        return jnp.sum(jnp.where(first, jnp.stack(amounts), 0.0))
+
+    volume = of_first_stage([size for _, size in chambers])
+    drawn = of_first_stage([cycle.filling * size for cycle, size in chambers])
     free_air = drawn * speed / (2 * jnp.pi)
     mass = jnp.full((), jnp.nan)
     hot = jnp.full((), jnp.nan)
     if ends.inlet_temperature is not None:
         # of several lines the first cylinder's gas
-        warm, constant = (jnp.ravel(x)[0] for x in (ends.inlet_temperature, ends.gas_constant))
+        inlet = jnp.ravel(ends.inlet_temperature)[0]
+        constant = jnp.ravel(ends.gas_constant)[0]
         pressure = jnp.broadcast_to(chambers[0][0].suction_pressure, (count,))
-        density = pressure / (constant * warm)
-        each = [jnp.where(first, cycle.filling * size * density, 0.0) for cycle, size in chambers]
-        mass = jnp.sum(jnp.stack(each)) * speed / (2 * jnp.pi)
+        density = pressure / (constant * inlet)
+        masses = [cycle.filling * size * density for cycle, size in chambers]
+        mass = of_first_stage(masses) * speed / (2 * jnp.pi)
         cycle = chambers[0][0]
         ratio = cycle.discharge_pressure / cycle.suction_pressure
         heated = jnp.broadcast_to(ratio ** (1 - 1 / cycle.exponent), (count,))
-        hot = warm * jnp.max(jnp.where(stages == last, heated, 0.0))
-    return IdealDelivery(free_air, drawn / volume, mass, hot, pressures)
+        hot = inlet * jnp.max(jnp.where(stages == last_stage, heated, 0.0))
+    return IdealDelivery(
+        free_air=free_air,
+        volumetric_efficiency=drawn / volume,
+        mass_flow=mass,
+        temperature=hot,
+        stage_pressures=pressures,
+    )

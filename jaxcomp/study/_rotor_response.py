@@ -5,7 +5,7 @@ elements need not be solved again: `known_response` keeps what a unit of load on
 and a design costs the product of that with its own loads.
 """
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,9 +26,6 @@ from ..rotor import (
 from ..rotor.interface import load_vector, node_names
 from ..vibration import crank_loads, running_rotor
 from ..vibration.interface import CrankLoads
-
-if TYPE_CHECKING:
-    pass
 from ._options import AnalysisOptions, KnownResponse, Read
 
 
@@ -87,30 +84,34 @@ def vibration_of(machine: Assembly, crank: CrankLoads, orders: tuple[int, ...]) 
     """The vibration of a machine with its correction masses, under `all_crank_loads`."""
     places = places_of(machine)
 
-    def at(one: CrankLoads, speed):
-        model, loads = running_rotor(machine, one)
+    def at(crank_at_speed: CrankLoads, speed):
+        model, loads = running_rotor(machine, crank_at_speed)
         response = respond(model, loads, speed[None], orders)
         read = jax.tree.map(lambda a: a[:, 0], _read(model, places, response))
-        return read, one.ok & jnp.all(response.ok)
+        return read, crank_at_speed.ok & jnp.all(response.ok)
 
     return _vibration(*jax.vmap(at)(crank, places.speeds))
 
 
-def known_vibration(machine: Assembly, options: AnalysisOptions, known: KnownResponse) -> Vibration:
+def known_vibration(
+    machine: Assembly, options: AnalysisOptions, unit_response: KnownResponse
+) -> Vibration:
     """Vibration of a machine whose rotor and fixed forces are those of `known_response`."""
     loads = machine.unbalances if by_crank(machine, options) else machine.given_loads
 
     def at(speed):
         forces = [load_vector(machine.rotor, loads, n, speed) for n in options.orders]
-        return jnp.stack([force[np.array(known.nodes)] for force in forces])
+        return jnp.stack([force[np.array(unit_response.nodes)] for force in forces])
 
     # Letters: speed, order, node and its direction d, row of a target, link and its axis a.
     force = jax.vmap(at)(places_of(machine).speeds)
     read = Read(
-        known.fixed.targets + jnp.einsum("sondr,sond->sor", known.unit.targets, force),
-        known.fixed.mounts + jnp.einsum("sondla,sond->sola", known.unit.mounts, force),
+        unit_response.fixed.targets
+        + jnp.einsum("sondr,sond->sor", unit_response.unit.targets, force),
+        unit_response.fixed.mounts
+        + jnp.einsum("sondla,sond->sola", unit_response.unit.mounts, force),
     )
-    return _vibration(read, known.ok)
+    return _vibration(read, unit_response.ok)
 
 
 def _vibration(read: Read, ok) -> Vibration:
@@ -135,17 +136,19 @@ def known_response(design: Machine, options: AnalysisOptions) -> KnownResponse:
     orders = options.orders
     assert case is not None
     assert rotor is not None
-    names = [node for table in case.unbalances for node in table.nodes]
-    names += [plane.node for plane in places.planes]
-    if not crank_shakes:
-        names += [node for f in case.forces for node in (f.node, f.reaction) if node is not None]
+    names = [plane.node for plane in places.planes]
+    for table in case.unbalances:
+        names += table.nodes
+    for force in () if crank_shakes else case.forces:
+        names += [node for node in (force.node, force.reaction) if node is not None]
     nodes = tuple(sorted({node_index(rotor, name) for name in names}))
     units = np.zeros((len(nodes), rotor.dof, len(node_names(rotor)), rotor.dof))
     for row, node in enumerate(nodes):
         units[row, :, node] = np.eye(rotor.dof)
 
     def at(crank: CrankLoads, speed):
-        (loaded, _), ok = running_rotor(machine, crank), crank.ok
+        loaded, _ = running_rotor(machine, crank)
+        ok = crank.ok
 
         def of_order(n):
             answer = jax.vmap(jax.vmap(lambda f: harmonic_response(loaded, f, speed, n * speed)))

@@ -90,24 +90,21 @@ class Sensitivity(Result):
     def nested(self) -> dict[str, Any]:
         """Every quantity with the numbers that it depends on, the largest influence first."""
 
-        def number(one):
+        def number(influence):
             return {
-                "name": one.number,
-                "words": one.part,
-                "unit": one.unit,
-                "value": one.present,
-                "elasticity": one.elasticity if one.relative else None,
-                "derivative": one.derivative,
+                "name": influence.number,
+                "words": influence.part,
+                "unit": influence.unit,
+                "value": influence.present,
+                "elasticity": influence.elasticity if influence.relative else None,
+                "derivative": influence.derivative,
             }
 
-        rows = zip(self.quantities, self.quantity_units, self.value, strict=True)
-        return {
-            "quantities": [
-                {"name": name, "unit": unit, "value": value, "numbers": [*map(number, ranked)]}
-                for name, unit, value in rows
-                for ranked in [self.ranking(name)]
-            ]
-        }
+        rows = []
+        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
+            numbers = [*map(number, self.ranking(name))]
+            rows.append({"name": name, "unit": unit, "value": value, "numbers": numbers})
+        return {"quantities": rows}
 
     def ranking(self, quantity: str) -> list["Influence"]:
         """The numbers that a quantity depends on, the largest elasticity first.
@@ -123,27 +120,31 @@ class Sensitivity(Result):
         value = self.value[place]
         elasticity = self.elasticity[place]
         look = shown(quantity, self.quantity_units[place], value)
-        rows = [
-            Influence(*row, look)
-            for row in zip(self.numbers, self.parts, self.units, self.present.tolist(),
-                           elasticity.tolist(), self.derivative[place].tolist(), strict=True)
-            if row[5] != 0 and not abs(row[4]) < _ROUNDING
-        ]  # fmt: skip
+        rows = zip(
+            self.numbers,
+            self.parts,
+            self.units,
+            self.present.tolist(),
+            elasticity.tolist(),
+            self.derivative[place].tolist(),
+            strict=True,
+        )
+        influences = [Influence(*row, look) for row in rows]
 
-        def order(row):
-            if row.relative:
-                return False, "", -abs(row.elasticity)
-            return True, row.unit, -abs(row.derivative)
+        def order(influence):
+            if influence.relative:
+                return False, "", -abs(influence.elasticity)
+            return True, influence.unit, -abs(influence.derivative)
 
-        return sorted(rows, key=order)
+        return sorted(filter(_counts, influences), key=order)
 
     def _rows(self) -> Iterator[tuple[str, str]]:
         for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
             look = shown(name, unit, value)
             ranked = self.ranking(name)
             yield look.words, look.text(float(value))
-            for one in ranked[:10]:
-                yield f"  {one.part} {one.value}", one.change
+            for influence in ranked[:10]:
+                yield f"  {influence.part} {influence.value}", influence.change
             if len(ranked) > 10:
                 yield f"  and {len(ranked) - 10} more", "in `.to_pandas()`"
 
@@ -196,9 +197,15 @@ class Influence(NamedTuple):
     def change(self) -> str:
         """Change by a rise of the number by 1 %, or by one unit."""
         if self.relative:
-            return f"{self.rise:+.3g} {self.quantity.unit if self.quantity.level else '%'} per %"
+            unit = self.quantity.unit if self.quantity.level else "%"
+            return f"{self.rise:+.3g} {unit} per %"
         rise = f"{self.rise:+.3g} {self.quantity.unit}"
         return f"{rise.rstrip()} per {small_unit(self.unit)[0] or 'unit'}"
+
+
+def _counts(influence: Influence) -> bool:
+    # written so that an elasticity of NaN, of which there is none, counts
+    return influence.derivative != 0 and not abs(influence.elasticity) < _ROUNDING
 
 
 def sensitivity(
@@ -222,15 +229,15 @@ def sensitivity(
         BadInput: an unknown quantity, or one that the machine does not have.
 
     >>> from jaxcomp import load, sensitivity
-    >>> found = sensitivity(load("mayekawa-wbhe"), ["swept_volume"])
-    >>> for one in found.ranking("swept_volume"):
-    ...     print(one.part, one.value, one.change)
+    >>> slopes = sensitivity(load("mayekawa-wbhe"), ["swept_volume"])
+    >>> for influence in slopes.ranking("swept_volume"):
+    ...     print(influence.part, influence.value, influence.change)
     bore 130 mm +2 % per %
     crank radius 50 mm +1 % per %
     """
     listed_names("quantities", quantities)
     design = machine_of(scene)
-    asked = tuple(quantities or ("mechanical_efficiency",))
+    requested = tuple(quantities or ("mechanical_efficiency",))
     options = given_options(options)
     compressor = design.compressor
     if (
@@ -239,37 +246,40 @@ def sensitivity(
         and not isinstance(compressor.gas, Cylinder)
     ):
         options = dataclasses.replace(options, solver=default_collocation(compressor))
-    value, ok, slope = _solved(design, asked, options)
-    rows = list(given_numbers(design))
+    value, ok, slope = _solved(design, requested, options)
+    numbers = list(given_numbers(design))
     slope = jax.device_get(slope)
-    rises = [np.tensordot(one.at(slope), one.weight, one.weight.ndim) for one in rows]
+    labels = []
+    derivatives = []
+    for number in numbers:
+        suffix = ", all values" if number.factor else ""
+        labels.append(variable_label(design, number.name) + suffix)
+        weight = number.weight
+        derivatives.append(np.tensordot(number.at(slope), weight, weight.ndim))
     return Sensitivity(
-        tuple(name_of(one) for one in asked),
-        tuple(unit_of(one) for one in asked),
-        np.asarray(value),
-        tuple(one.name for one in rows),
-        tuple(
-            variable_label(design, one.name) + (", all values" if one.factor else "")
-            for one in rows
-        ),
-        tuple(one.unit for one in rows),
-        np.array([one.value for one in rows]),
-        np.stack(rises, -1),
-        bool(ok),
+        quantities=tuple(map(name_of, requested)),
+        quantity_units=tuple(map(unit_of, requested)),
+        value=np.asarray(value),
+        numbers=tuple(number.name for number in numbers),
+        parts=tuple(labels),
+        units=tuple(number.unit for number in numbers),
+        present=np.array([number.value for number in numbers]),
+        derivative=np.stack(derivatives, -1),
+        ok=bool(ok),
     )
 
 
 @eqx.filter_jit
 def _solved(
-    design: Machine, asked: tuple[Asked, ...], options: AnalysisOptions
+    design: Machine, requested: tuple[Asked, ...], options: AnalysisOptions
 ) -> tuple[Float[np.ndarray, " quantities"], Bool[np.ndarray, ""], Machine]:
     """Values [SI], whether they hold, and their derivatives in the place of every number."""
     moving, fixed = eqx.partition(design, eqx.is_inexact_array)
 
     def values(moving):
-        found = DesignResult(eqx.combine(moving, fixed), options)
-        out = jnp.stack([jnp.asarray(value_of(one, found), float) for one in asked])
-        return out, (out, found.ok & jnp.all(jnp.isfinite(out)))
+        result = DesignResult(eqx.combine(moving, fixed), options)
+        out = jnp.stack([jnp.asarray(value_of(quantity, result), float) for quantity in requested])
+        return out, (out, result.ok & jnp.all(jnp.isfinite(out)))
 
     slope, (value, ok) = jax.jacrev(values, has_aux=True)(moving)
     return value, ok, slope

@@ -107,9 +107,8 @@ class SteadyState(Result):
     @classmethod
     def units_of_nested(cls) -> Table:
         """The unit of every number of `nested`, of the registered quantities as well."""
-        return {
-            one.family or one.name: one.unit for one in registered()
-        } | super().units_of_nested()
+        units = {quantity.family or quantity.name: quantity.unit for quantity in registered()}
+        return units | super().units_of_nested()
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, and the curves over the revolution.
@@ -119,9 +118,10 @@ class SteadyState(Result):
         """
         units = self.units_of_nested()
         for name, value in {**self.quantities, **self.numbers}.items():
-            for member, number in value.items() if isinstance(value, dict) else [("", value)]:
+            members = value if isinstance(value, dict) else {"": value}
+            for member, number in members.items():
                 yield Data(f"{name}.{member}" if member else name, str(units[name]), number)
-        yield from (one for one in self.orbit.described() if one.dims)
+        yield from (entry for entry in self.orbit.described() if entry.dims)
         at = self.table_dims
         compressor = self.compressor
         for name, thickness in film_thickness(compressor, self.orbit).items():
@@ -134,9 +134,10 @@ class SteadyState(Result):
             for loss in ("shear_loss", "squeeze_loss", "contact_loss"):
                 yield Data(f"{loss}.{name}", "W", getattr(film, loss), at)
         behind = crank_end_pressure(self.orbit.under_gas(compressor), self.orbit.state.angle)
-        for number, pressure in enumerate(() if behind is None else behind, 1):
-            several = f".{number}" if len(behind) > 1 else ""
-            yield Data(f"crank_end_pressure{several}", "Pa", pressure, at)
+        if behind is not None:
+            for number, pressure in enumerate(behind, 1):
+                suffix = f".{number}" if len(behind) > 1 else ""
+                yield Data(f"crank_end_pressure{suffix}", "Pa", pressure, at)
         if self.api_618 is not None:
             yield from self.api_618.curves()
 
@@ -146,18 +147,14 @@ class SteadyState(Result):
         losses = self.numbers["losses"]
         period = self.numbers["period"]
         total = sum(losses.values())
-        moved = {
-            name: {
-                "film_thickness": film.minimum_film,
-                "loss": film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss,
-            }
-            for name, film in (self.moved_films or {}).items()
-        }
+        moved = None
+        if self.moved_films is not None:
+            moved = {name: _film_summary(film) for name, film in self.moved_films.items()}
         parts = {
             "film_law": self.films or None,
             "rod_load_reversal": self.rod_load_reversal or None,
-            "verification": None if orbit.verification is None else _verification(orbit),
-            "moved_films": None if self.moved_films is None else moved,
+            "verification": _verification(orbit),
+            "moved_films": moved,
             "vibration": self.vibration,
             "torsion": self.torsion,
             "api_618": self.api_618,
@@ -199,54 +196,63 @@ def steady_state(
         SolveFailed: no periodic state was found.
 
     >>> from jaxcomp import load
-    >>> found = steady_state(load("mayekawa-wbhe"))
-    >>> print(f"{found.quantities['joint_margin']:.4f}, {found.numbers['motor_work']:.1f} J")
+    >>> state = steady_state(load("mayekawa-wbhe"))
+    >>> print(f"{state.quantities['joint_margin']:.4f}, {state.numbers['motor_work']:.1f} J")
     0.9828, 339.4 J
     """
     design = machine_of(machine)
-    made = assembled(design)
-    compressor, parts = made.compressor, design.parts
+    assembly = assembled(design)
+    compressor = assembly.compressor
     if compressor is None:
         raise BadInput("machine", "without a crank", "one with a mechanism")
     orbit = solve_orbit(compressor, solver, verify=verify) if orbit is None else orbit
-    known = crank_quantities(design)
-    *found, forces = jax.device_get(_numbers(design, made, orbit, known))
-    quantities, numbers = jax.tree.map(float, found)
+    offered = crank_quantities(design)
+    values, numbers, forces = jax.device_get(_numbers(design, assembly, orbit, offered))
+    values = jax.tree.map(float, values)
+    numbers = jax.tree.map(float, numbers)
     margins = numbers.pop("turning_margins")
     # a compiled function returns its keys sorted; where no film has a thickness there is no least one
-    quantities = {
-        one.family or one.name: quantities[one.name]
-        for one in known
-        if quantities.get(one.name, math.inf) != math.inf
-    }
-    rods, moved = _rods(compressor, orbit), orbit.positions or {}
-    suspension: Any = parts.get("suspension")
-    train: Any = parts.get("torsion")
+    quantities = {}
+    for quantity in offered:
+        value = values.get(quantity.name, math.inf)
+        if value != math.inf:
+            quantities[quantity.family or quantity.name] = value
+    rods = _rods(compressor, orbit)
+    remarks = (
+        *_remarks(compressor, margins, rods),
+        *_remarks_on_stability(orbit.cycle),
+        *_remarks_on_pipes(orbit.cycle),
+        *_remarks_on_range(orbit.cycle),
+    )
+    train: Any = design.parts.get("torsion")
     return SteadyState(
-        design,
-        compressor,
-        orbit,
-        quantities,
-        numbers,
-        {
-            name: "orbit" if name in moved else "steady_load"
-            for name in film_thickness(compressor, orbit)
-        },
-        rods,
-        (
-            *_remarks(compressor, margins, rods),
-            *_remarks_on_stability(orbit.cycle),
-            *_remarks_on_pipes(orbit.cycle),
-            *_remarks_on_range(orbit.cycle),
-        ),
-        moved_films(compressor, orbit) if moving_films else None,
-        None if suspension is None else _vibration(compressor, orbit, suspension),
-        None if train is None else train_torques(compressor, orbit, train),
-        None if forces is None else process_sheet(compressor, orbit, forces),
+        machine=design,
+        compressor=compressor,
+        orbit=orbit,
+        quantities=quantities,
+        numbers=numbers,
+        films=_film_laws(compressor, orbit),
+        rod_load_reversal=rods,
+        remarks=remarks,
+        moved_films=moved_films(compressor, orbit) if moving_films else None,
+        vibration=_vibration(compressor, orbit, design.parts.get("suspension")),
+        torsion=None if train is None else train_torques(compressor, orbit, train),
+        api_618=None if forces is None else process_sheet(compressor, orbit, forces),
     )
 
 
-def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration":
+def _film_laws(compressor: Compressor, orbit: Orbit) -> dict[str, str]:
+    """Law by which the film of each journal was solved; those that move have positions."""
+    laws = dict.fromkeys(film_thickness(compressor, orbit), "steady_load")
+    for name in orbit.positions or {}:
+        if name in laws:
+            laws[name] = "orbit"
+    return laws
+
+
+def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration | None":
+    if suspension is None:
+        return None
     from ..vibration import block_vibration
 
     return block_vibration(compressor, orbit, suspension)
@@ -256,13 +262,15 @@ def crank_quantities(machine: Machine) -> tuple[Quantity, ...]:
     """The quantities of the periodic state of crank and gas that a machine has."""
     rotor = {"vibration", "rotor", "balancing"}
     return tuple(
-        one for one in registered() if not rotor & set(one.needs) and not one.missing(machine)
+        quantity
+        for quantity in registered()
+        if rotor.isdisjoint(quantity.needs) and not quantity.missing(machine)
     )
 
 
 @kept_jit
 def _numbers(
-    machine: Machine, assembly: Assembly, orbit: Orbit, known: tuple[Quantity, ...]
+    machine: Machine, assembly: Assembly, orbit: Orbit, offered: tuple[Quantity, ...]
 ) -> tuple[dict[str, Any], dict[str, Any], RodForces | None]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     from ._analysis import DesignResult
@@ -280,8 +288,8 @@ def _numbers(
     forces = None
     if has_rod_forces(compressor):
         # stages have their pressures in the compressor that was put together
-        given = None if machine.compressor is None else machine.compressor.gas
-        forces = rod_forces(compressor, given, orbit, result.wrench)
+        machine_gas = None if machine.compressor is None else machine.compressor.gas
+        forces = rod_forces(compressor, machine_gas, orbit, result.wrench)
     numbers = {
         "motor_work": energy.motor_work,
         "gas_work": energy.gas_work,
@@ -290,14 +298,17 @@ def _numbers(
         "highest_speed": orbit.highest_speed,
         "period": orbit.period,
         "stroke": of_cylinder(compressor.mechanism).stroke,
-        **({} if orbit.gas_work_error is None else {"gas_work_error": orbit.gas_work_error}),
         "energy_residual": energy.residual,
         "residual": orbit.residual,
         "resolution": orbit.resolution,
-        **({} if orbit.cycle is None else {"cycle_resolution": orbit.cycle.resolution}),
-        "turning_margins": {} if orbit.cycle is None else orbit.cycle.turning_margins,
+        "turning_margins": {},
     }
-    return offered_values(known, result), numbers, forces
+    if orbit.gas_work_error is not None:
+        numbers["gas_work_error"] = orbit.gas_work_error
+    if orbit.cycle is not None:
+        numbers["cycle_resolution"] = orbit.cycle.resolution
+        numbers["turning_margins"] = orbit.cycle.turning_margins
+    return offered_values(offered, result), numbers, forces
 
 
 def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
@@ -312,10 +323,17 @@ def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
     }
 
 
-def _verification(orbit: Orbit) -> dict[str, Any]:
+def _film_summary(film: JournalFilm) -> dict[str, Any]:
+    """Least thickness [m] and mean loss [W] of a journal that moves."""
+    loss = film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss
+    return {"film_thickness": film.minimum_film, "loss": loss}
+
+
+def _verification(orbit: Orbit) -> dict[str, Any] | None:
     """Errors by an independent integration: the orbit's value less that of the integration."""
     march = orbit.verification
-    assert march is not None
+    if march is None:
+        return None
     errors = {
         "speed": march.speed_error,
         "period": -march.period_error,
@@ -336,10 +354,10 @@ def _remarks_on_range(cycle: Any) -> Iterator[str]:
     if not isinstance(fluid, AbstractRealGas):
         return
     hottest = float(jnp.max(of_each(cycle).temperature))
-    _, most = fluid.temperature_range
-    if hottest > most:
+    _, highest = fluid.temperature_range
+    if hottest > highest:
         reached = f"The gas reaches {hottest - ZERO_CELSIUS:.0f} °C"
-        end = f"beyond {most - ZERO_CELSIUS:.0f} °C, up to which the equation of state of"
+        end = f"beyond {highest - ZERO_CELSIUS:.0f} °C, up to which the equation of state of"
         yield f"{reached}, {end} {fluid.range_ends_with} was fitted."
 
 
@@ -382,11 +400,15 @@ def _remarks(
     for name, margin in margins.items():
         if abs(margin) < GRAZING:
             valve, place = name.split("_")
+            contact = "misses"
+            validity = "misses"
+            if margin > 0:
+                contact = "touches"
+                validity = "touches, and are steep there"
             yield (
-                f"The {valve} valve {'just touches' if margin > 0 else 'just misses'} its {place} "
+                f"The {valve} valve just {contact} its {place} "
                 f"({100 * abs(margin):.2g} % of its stop): derivatives hold only for designs in which it "
-                f"{'still touches, and are steep there' if margin > 0 else 'still misses'}. "
-                "Move the stop, or let an optimiser search by values."
+                f"still {validity}. Move the stop, or let an optimiser search by values."
             )
     if compressor.gas is None:
         yield "There is no gas: all work of the motor is friction, and no efficiency has a meaning."

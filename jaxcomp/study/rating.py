@@ -68,13 +68,21 @@ class Rating(NamedTuple):
 
 RATINGS = {
     "file": Rating(doc="As the machine says."),
-    "ashrae": Rating(ZERO + 32.2, None, ZERO + 32.2, None, "ASHRAE: both at 32.2 C."),
-    "en12900": Rating(ZERO + 20, None, None, 0.0, "EN 12900: return gas 20 C, no subcooling."),
-    "en12900-superheat": Rating(None, 10.0, None, 0.0, "EN 12900: superheat 10 K, no subcooling."),
-    "ahri540": Rating(
-        ZERO + 18.3, None, None, 0.0, "AHRI 540, refrigeration: return gas 18.3 C, no subcooling."
+    "ashrae": Rating(return_gas=ZERO + 32.2, liquid=ZERO + 32.2, doc="ASHRAE: both at 32.2 C."),
+    "en12900": Rating(
+        return_gas=ZERO + 20, subcooling=0.0, doc="EN 12900: return gas 20 C, no subcooling."
     ),
-    "cecomaf": Rating(ZERO + 32, None, None, 0.0, "CECOMAF: return gas 32 C, no subcooling."),
+    "en12900-superheat": Rating(
+        superheat=10.0, subcooling=0.0, doc="EN 12900: superheat 10 K, no subcooling."
+    ),
+    "ahri540": Rating(
+        return_gas=ZERO + 18.3,
+        subcooling=0.0,
+        doc="AHRI 540, refrigeration: return gas 18.3 C, no subcooling.",
+    ),
+    "cecomaf": Rating(
+        return_gas=ZERO + 32, subcooling=0.0, doc="CECOMAF: return gas 32 C, no subcooling."
+    ),
 }
 
 # Name, SI unit, and whether it is fitted.
@@ -162,12 +170,12 @@ class RatingMap(Result, eqx.Module):
     @property
     def worst_point(self) -> dict[str, tuple[float, float]]:
         """[K] Evaporating and condensing temperature where each polynomial has its `fit_error`."""
-        found = {}
+        worst = {}
         for name, errors in self.polynomial_error.items():
             relative = np.abs(errors / self.values[name])
             row, column = np.unravel_index(np.nanargmax(relative), errors.shape)
-            found[name] = float(self.evaporating[row]), float(self.condensing[column])
-        return found
+            worst[name] = float(self.evaporating[row]), float(self.condensing[column])
+        return worst
 
 
 def at_rating(
@@ -207,8 +215,9 @@ def at_rating(
     if rating.liquid is not None or rating.subcooling is not None:
         discharge |= {"liquid_temperature": rating.liquid, "subcooling": rating.subcooling}
     # built anew, so that what is known is checked
-    lines = dc.replace(gas.suction, **suction), dc.replace(gas.discharge, **discharge)
-    gas = dc.replace(gas, suction=lines[0], discharge=lines[1], reference=reference)
+    suction_line = dc.replace(gas.suction, **suction)
+    discharge_line = dc.replace(gas.discharge, **discharge)
+    gas = dc.replace(gas, suction=suction_line, discharge=discharge_line, reference=reference)
     return rebuilt(compressor, gas=gas)
 
 
@@ -249,22 +258,34 @@ def rating_map(
     if reference == "mean":
         points = _dew_points(compressor, rating, *points)
         compressor = at_rating(machine, points[0][0], points[1][0], rating)
-    found, ok = _in_all_sizes(compressor, rating, options, solver, *points)
+    columns, ok = _in_all_sizes(compressor, rating, options, solver, *points)
     ok = ok.reshape(shape)
-    values = {name: np.where(ok, found[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
+    values = {name: np.where(ok, columns[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
     coefficients = {}
     errors = {}
     terms = polynomial_terms(S[:, None], D[None, :])[ok]
-    # ten points are not enough where one of the axes has fewer than four
+    # Ten points are not enough where one of the axes has fewer than four. The columns are scaled, for the
+    # cubes of temperatures exceed the constant by a factor of 1e5.
     size = np.linalg.norm(terms, axis=0)
     if np.linalg.matrix_rank(terms / np.where(size > 0, size, 1.0), tol=1e-11) == size.size:
-        for name in (name for name, _, fitted in QUANTITIES if fitted):
-            given = values[name][ok]
-            row, *_ = np.linalg.lstsq(terms, given, rcond=None)
+        for name, _, fitted in QUANTITIES:
+            if not fitted:
+                continue
+            point_values = values[name][ok]
+            row, *_ = np.linalg.lstsq(terms, point_values, rcond=None)
             coefficients[name] = jnp.asarray(row)
-            errors[name] = jnp.asarray(polynomial_errors(terms, row, given).max())
-    arrays = {name: jnp.asarray(one) for name, one in values.items()}
-    return RatingMap(S, D, arrays, jnp.asarray(ok), coefficients, errors, rating, reference)
+            errors[name] = jnp.asarray(polynomial_errors(terms, row, point_values).max())
+    arrays = {name: jnp.asarray(column) for name, column in values.items()}
+    return RatingMap(
+        evaporating=S,
+        condensing=D,
+        values=arrays,
+        ok=jnp.asarray(ok),
+        coefficients=coefficients,
+        fit_error=errors,
+        rating=rating,
+        reference=reference,
+    )
 
 
 def _dew_points(compressor: Compressor, rating: str, evaporating, condensing):
@@ -356,17 +377,17 @@ def rated(
     """
     quick = Collocation(reversals=0, estimate=False, cycle=CycleOptions(panels=_PANELS))
     motor = replaced(ConstantSpeed(1.0, losses=compressor.motor.losses), mean_speed=point.speed)
-    rating = Rating(point.gas, None, point.liquid, None)
-    here = replaced(compressor, motor=motor)
-    here = at_rating(here, point.evaporating, point.condensing, rating)
-    values, ok, _ = _at_point(here, quick, solver)
-    gas = here.gas
+    rating = Rating(return_gas=point.gas, liquid=point.liquid)
+    compressor_at_point = replaced(compressor, motor=motor)
+    compressor_at_point = at_rating(
+        compressor_at_point, point.evaporating, point.condensing, rating
+    )
+    values, ok, _ = _at_point(compressor_at_point, quick, solver)
+    gas = compressor_at_point.gas
     assert isinstance(gas, Cylinder)
     assert isinstance(gas.fluid, AbstractRealGas)
-    worth = capacity_rise(
-        gas.fluid, point.evaporating, point.condensing, point.useful, point.liquid
-    )
-    capacity = values["mass_flow"] * worth
+    rise = capacity_rise(gas.fluid, point.evaporating, point.condensing, point.useful, point.liquid)
+    capacity = values["mass_flow"] * rise
     values |= {"capacity": capacity, "cop": capacity / values["power"]}
     return jnp.stack([values[name] for name, *_ in QUANTITIES]), ok
 
@@ -413,27 +434,31 @@ def _along(compressor: Compressor, rating: str, options, solver, evaporating, co
 
 
 def solve_rated(
-    here: Compressor, plain: Collocation, solver: "Collocation | Shooting | None" = None
+    compressor: Compressor, plain: Collocation, solver: "Collocation | Shooting | None" = None
 ) -> Orbit:
     """Solve a compressor with valves as `rating_map` does.
 
     Args:
-        here: the compressor at its conditions.
+        compressor: the compressor at its conditions.
         plain: of the crank's motion under the pressure that was found, and how that is found.
         solver: of the crank's motion in any case, in the place of the usual ones.
     """
-    assert isinstance(here.gas, Cylinder)
-    chosen = None if solver is None else replaced(solver, cycle=plain.cycle)
-    if here.motor.closes == "torque" or not here.gas.inert or here.crankshaft.count > 1:
-        together = replaced(default_collocation(here), cycle=plain.cycle)
-        return solve_orbit(here, chosen or together, throw=False)
-    return orbit_at_constant_speed(here, chosen or plain)
+    assert isinstance(compressor.gas, Cylinder)
+    crank_solver = None if solver is None else replaced(solver, cycle=plain.cycle)
+    if (
+        compressor.motor.closes == "torque"
+        or not compressor.gas.inert
+        or compressor.crankshaft.count > 1
+    ):
+        together = replaced(default_collocation(compressor), cycle=plain.cycle)
+        return solve_orbit(compressor, crank_solver or together, throw=False)
+    return orbit_at_constant_speed(compressor, crank_solver or plain)
 
 
-def _at_point(here: Compressor, plain: Collocation, solver=None):
+def _at_point(compressor: Compressor, plain: Collocation, solver=None):
     """Quantities at a point, whether they hold, and the events for which its cycle had no room."""
-    orbit = solve_rated(here, plain, solver)
-    result = performance(here, orbit)
+    orbit = solve_rated(compressor, plain, solver)
+    result = performance(compressor, orbit)
     cycle = orbit.cycle
     assert cycle is not None
     values = {
@@ -441,8 +466,8 @@ def _at_point(here: Compressor, plain: Collocation, solver=None):
         "cop": result.cop,
         "overall_efficiency": result.overall_efficiency,
     }
-    own = (name for name, *_ in QUANTITIES if name not in values)
-    values |= {name: getattr(cycle, name) for name in own}
+    cycle_names = (name for name, *_ in QUANTITIES if name not in values)
+    values |= {name: getattr(cycle, name) for name in cycle_names}
     finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
     ok = cycle.converged & orbit.converged & finite
     return values, ok, events_without_room(of_each(cycle))

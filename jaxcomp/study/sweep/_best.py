@@ -40,13 +40,13 @@ def best_design(found: "xarray.Dataset", name: str) -> dict[str, float] | None:
     Raises:
         BadInput: a quantity that is neither better when larger nor when smaller.
     """
-    values = _falling(found, name)
+    values = _minimised(found, name)
     if not np.any(np.isfinite(values)):
         return None
     place = np.unravel_index(np.nanargmin(values), values.shape)
-    there = found.isel(dict(zip(found[name].dims, place, strict=True)))
-    names = [*(str(n) for n in there.coords if n != "sample"), *quantity_names(there)]
-    return {name: float(there[name]) for name in names}
+    design = found.isel(dict(zip(found[name].dims, place, strict=True)))
+    names = [*(str(n) for n in design.coords if n != "sample"), *quantity_names(design)]
+    return {name: float(design[name]) for name in names}
 
 
 def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
@@ -62,53 +62,54 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     dims = found[name].dims
     if len(dims) != 2:
         raise BadInput(name, f"over {len(dims)} variables", "over two, for a curve of best values")
-    values = _falling(found, name)
+    values = _minimised(found, name)
     along, across = (np.asarray(found[dim]) for dim in dims)
     order = np.argsort(along)
     along = along[order]
     values = values[order]
-    lost = ~np.any(np.isfinite(values), axis=0)
+    all_failed = ~np.any(np.isfinite(values), axis=0)
+    # A design that failed is never the best one, and a column of such designs still has a row.
     filled = np.where(np.isfinite(values), values, np.inf)
     best = np.argmin(filled, axis=0)
     between = [_vertex(along, filled[:, column], row) for column, row in enumerate(best)]
     sign = -1.0 if found[name].attrs["better"] == "more" else 1.0
     return BestCurve(
-        across,
-        np.where(lost, np.nan, along[best]),
-        np.where(lost, np.nan, between),
-        np.where(lost, np.nan, sign * np.min(filled, axis=0)),
+        across=across,
+        along=np.where(all_failed, np.nan, along[best]),
+        between=np.where(all_failed, np.nan, between),
+        value=np.where(all_failed, np.nan, sign * np.min(filled, axis=0)),
     )
 
 
-def _falling(found, name) -> np.ndarray:
+def _minimised(dataset, name) -> np.ndarray:
     """The quantity so that less is better."""
-    better = found[name].attrs.get("better", "")
+    better = dataset[name].attrs.get("better", "")
     if better not in ("more", "less"):
         raise BadInput("quantity", name, "one of which more or less is better")
-    values = np.asarray(found[name])
+    values = np.asarray(dataset[name])
     return -values if better == "more" else values
 
 
 def _vertex(x, y, row) -> float:
     """Where the parabola through the lowest point and its neighbours is lowest, or that point."""
-    three = slice(row - 1, row + 2)
-    if not 0 < row < len(x) - 1 or not np.all(np.isfinite(y[three])):
+    neighbours = slice(row - 1, row + 2)
+    if not 0 < row < len(x) - 1 or not np.all(np.isfinite(y[neighbours])):
         return x[row]
-    left, right = np.diff(x[three])
-    fall, rise = np.diff(y[three]) / (left, right)
+    left_step, right_step = np.diff(x[neighbours])
+    fall, rise = np.diff(y[neighbours]) / (left_step, right_step)
     if not rise > fall:
         return x[row]
-    curve = (rise - fall) / (left + right)
+    curve = (rise - fall) / (left_step + right_step)
     # slope at the point, which its being lowest keeps within one step of zero
-    slope = (fall * right + rise * left) / (left + right)
+    slope = (fall * right_step + rise * left_step) / (left_step + right_step)
     return np.clip(x[row] - slope / (2 * curve), x[row - 1], x[row + 1])
 
 
-def shown_column(found: "xarray.Dataset", name: str) -> Shown:
+def shown_column(dataset: "xarray.Dataset", name: str) -> Shown:
     """Format in which a variable or quantity of a `sweep` is shown.
 
     Args:
-        found: what `sweep` returned.
+        dataset: what `sweep` returned.
         name: of a variable or quantity.
     """
-    return shown(name, found[name].attrs.get("units", ""), found[name].values)
+    return shown(name, dataset[name].attrs.get("units", ""), dataset[name].values)

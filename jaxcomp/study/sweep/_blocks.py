@@ -58,22 +58,22 @@ def default_width(problem: Problem, devices: Sequence[Device]) -> int:
     return _WIDTH if devices[0].platform == "cpu" else _WIDTH_ELSEWHERE
 
 
-def chosen_devices(given: int | Sequence[Device] | None) -> list[Device]:
+def chosen_devices(devices: int | Sequence[Device] | None) -> list[Device]:
     """Devices of this process that share each block: so many of them, or these, or all.
 
     Raises:
         BadInput: none, or more than there are.
     """
     local = jax.local_devices()
-    if given is None:
+    if devices is None:
         return local
-    if isinstance(given, int):
-        if not 1 <= given <= len(local):
-            raise BadInput("devices", given, f">= 1 and <= {len(local)}")
-        return local[:given]
-    if not given:
+    if isinstance(devices, int):
+        if not 1 <= devices <= len(local):
+            raise BadInput("devices", devices, f">= 1 and <= {len(local)}")
+        return local[:devices]
+    if not devices:
         raise BadInput("devices", "none", "at least one")
-    return list(given)
+    return list(devices)
 
 
 def block_program(
@@ -85,22 +85,23 @@ def block_program(
     be relied on; NaN where not. The devices share groups of so many designs.
     """
 
-    @cache  # made where a size is needed, and kept for the blocks that follow
+    @cache  # compiled where a size is needed first, and used by the blocks that follow
     def program(size):
-        return _once(in_size(problem, size), width, devices)
+        return _program_of_one_size(in_size(problem, size), width, devices)
 
     def start(rows):
         climb = climb_of(problem, len(rows), by_march=True)
         sizes = iter(climb)
-        size, everyone = next(sizes)
+        size, all_rows = next(sizes)
         running = program(size)(rows)
 
         def wait():
+            # Most designs end in the first size; the few that do not are solved again in larger ones.
             values, ok, events, status = running()
-            climb.note(everyone, events)
-            for larger, some in sizes:
-                values[some], ok[some], events, status[some] = program(larger)(rows[some])()
-                climb.note(some, events)
+            climb.note(all_rows, events)
+            for larger, subset in sizes:
+                values[subset], ok[subset], events, status[subset] = program(larger)(rows[subset])()
+                climb.note(subset, events)
             return np.where(ok[:, None], values, np.nan), status, ok
 
         return wait
@@ -108,26 +109,26 @@ def block_program(
     return start
 
 
-def _once(problem: Problem, width: int, devices: Sequence[Device]):
+def _program_of_one_size(problem: Problem, width: int, devices: Sequence[Device]):
     """Program of blocks in one size of the cycle, with what tells which designs need a larger one."""
-    numbers, rest = eqx.partition(problem, eqx.is_array)
+    numbers, static = eqx.partition(problem, eqx.is_array)
     # A program on a CPU may hold the thread that started it until it ends.
     pool = ThreadPoolExecutor(len(devices), "sweep")
     free = SimpleQueue()
-    for home in map(SingleDeviceSharding, devices):
-        free.put((home, eqx.combine(jax.device_put(numbers, home), rest)))
+    for sharding in map(SingleDeviceSharding, devices):
+        free.put((sharding, eqx.combine(jax.device_put(numbers, sharding), static)))
 
     def work(groups):
-        home, copy = free.get()
+        sharding, device_problem = free.get()
         try:
             # One shape of program for any number of groups; its loop ends before the filling.
             padded = np.broadcast_to(groups[-1:], (_LANES, *groups.shape[1:])).copy()
             padded[: len(groups)] = groups
             count = np.asarray(len(groups))
-            answer = _work(copy, *jax.device_put((padded, count), home))
+            answer = _work(device_problem, *jax.device_put((padded, count), sharding))
             return [np.asarray(part)[: len(groups)] for part in answer]
         finally:
-            free.put((home, copy))
+            free.put((sharding, device_problem))
 
     def start(rows):
         order = neighbours_together(rows, width)
@@ -143,9 +144,11 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
         running = [pool.submit(work, piece) for piece in np.array_split(groups, pieces)]
 
         def wait():
-            done = [piece.result() for piece in running]
-            values, *words = (np.concatenate(parts) for parts in zip(*done, strict=True))
-            return values.reshape(-1, values.shape[-1])[back], *(one.ravel()[back] for one in words)
+            results = [piece.result() for piece in running]
+            values, *columns = (np.concatenate(parts) for parts in zip(*results, strict=True))
+            return values.reshape(-1, values.shape[-1])[back], *(
+                column.ravel()[back] for column in columns
+            )
 
         return wait
 
@@ -154,15 +157,16 @@ def _once(problem: Problem, width: int, devices: Sequence[Device]):
 
 @eqx.filter_jit
 def _work(problem: Problem, groups, count) -> Answer:
-    def step(row, done):
+    def step(row, answers):
         answer = of_each(problem, problem, groups[row])
-        return jax.tree.map(lambda whole, new: whole.at[row].set(new), done, answer)
+        return jax.tree.map(lambda column, entry: column.at[row].set(entry), answers, answer)
 
     shape = groups.shape[:-1]
-    no = jnp.zeros(shape, bool)
-    none = jnp.zeros(shape, int)
+    unsolved = jnp.zeros(shape, bool)
+    no_events = jnp.zeros(shape, int)
     codes = jnp.zeros(shape, Status.converged._value.dtype)
-    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), no, none, codes)
+    # What lies beyond `count` stays as it is here, and is cut off by who called.
+    empty = Answer(jnp.zeros((*shape, len(problem.quantities))), unsolved, no_events, codes)
     return jax.lax.fori_loop(0, count, step, empty)
 
 
@@ -211,7 +215,9 @@ def _on_cluster(problem, width, client, blocks):
 
     # With every task and not scattered once: what only a lost worker held would be lost with it.
     task = uuid.uuid4().hex, cloudpickle.dumps((problem, width)), _versions()
-    blocks, under_way, waiting = iter(blocks), {}, as_completed()
+    blocks = iter(blocks)
+    under_way = {}
+    waiting = as_completed()
 
     def submit():
         # counted anew each time, for workers that have come or gone
@@ -225,9 +231,9 @@ def _on_cluster(problem, width, client, blocks):
     try:
         submit()
         for future in waiting:
-            found = future.result()
+            solved = future.result()
             number, rows = under_way.pop(future)
-            yield number, rows, *found
+            yield number, rows, *solved
             submit()
     except lost as error:
         raise ConnectionError(
@@ -251,8 +257,11 @@ _COMPILING = threading.Lock()
 def _solved_by_worker(name: str, pickled: bytes, versions, rows):
     """Quantities of a block, by a program that a worker makes once for a sweep."""
     if versions != _versions():
-        there, here = (" and JAX ".join(pair) for pair in (_versions(), versions))
-        raise BadInput("client", f"one with a worker of jaxcomp {there}", f"of workers with {here}")
+        worker = " and JAX ".join(_versions())
+        caller = " and JAX ".join(versions)
+        raise BadInput(
+            "client", f"one with a worker of jaxcomp {worker}", f"of workers with {caller}"
+        )
     with _COMPILING:
         if name not in _PROGRAMS:
             _PROGRAMS.clear()

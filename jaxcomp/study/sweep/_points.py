@@ -141,11 +141,12 @@ class GridPoints:
     """
 
     def __init__(self, axes: Mapping[str, Sequence[float] | Values]):
-        for name, given in axes.items():
-            if np.asarray(given).dtype.kind in "USO":
+        for name, numbers in axes.items():
+            if np.asarray(numbers).dtype.kind in "USO":
                 bound = "numbers in SI units, such as [0.12, 0.13] or `sweep.grid(0.12, 0.14, 5)`"
-                raise BadInput(name, f'"{given}"' if isinstance(given, str) else str(given), bound)
-        self.axes = {name: np.asarray(given, dtype=float) for name, given in axes.items()}
+                text = f'"{numbers}"' if isinstance(numbers, str) else str(numbers)
+                raise BadInput(name, text, bound)
+        self.axes = {name: np.asarray(numbers, dtype=float) for name, numbers in axes.items()}
         for name, values in self.axes.items():
             if values.ndim != 1 or values.size == 0:
                 raise BadInput(name, values, "a list of at least one value")
@@ -198,7 +199,9 @@ class SamplePoints:
     def __init__(self, axes: dict[str, Distribution], count: int, sampling: str, seed: int):
         if sampling not in SAMPLINGS:
             raise BadInput("sampling", sampling, f"one of {', '.join(SAMPLINGS)}")
-        counted("samples", count, 1, 2**24 if sampling == "latin_hypercube" else MOST)
+        # A Latin hypercube is drawn and held at once.
+        limit = 2**24 if sampling == "latin_hypercube" else MOST
+        counted("samples", count, 1, limit)
         if seed < 0:
             raise BadInput("seed", seed, ">= 0")
         self.axes = axes
@@ -206,7 +209,7 @@ class SamplePoints:
         self.sampling = sampling
         self.seed = seed
         self._engine = None
-        self._whole = None
+        self._hypercube = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -246,11 +249,11 @@ class SamplePoints:
             return self._engine.random(stop - start) + _HALF_STEP
 
     def _latin_hypercube(self, start, stop):
-        if self._whole is None:
+        if self._hypercube is None:
             from scipy.stats import qmc
 
-            self._whole = qmc.LatinHypercube(len(self.axes), rng=self.seed).random(self.count)
-        return self._whole[start:stop]
+            self._hypercube = qmc.LatinHypercube(len(self.axes), rng=self.seed).random(self.count)
+        return self._hypercube[start:stop]
 
     def _random(self, start, stop):
         parts = []
@@ -276,13 +279,13 @@ class Blocks(NamedTuple):
     @classmethod
     def of(cls, shape: tuple[int, ...], batch: int) -> "Blocks":
         """Blocks of at most `batch` designs, neighbours of a grid together, all nearly alike."""
-        left = batch
+        remaining = batch
         block = []
         # From the last variable, which changes first among the rows.
         for size in reversed(shape):
-            parts = -(-size // max(min(size, left), 1))
+            parts = -(-size // max(min(size, remaining), 1))
             block.append(-(-size // parts))
-            left //= block[-1]
+            remaining //= block[-1]
         return cls(shape, tuple(reversed(block)))
 
     @property
@@ -321,13 +324,13 @@ def neighbours_together(rows: Rows, width: int) -> Int[np.ndarray, " designs"]:
     span = np.ptp(rows, axis=0)
     rows = (rows - rows.min(axis=0)) / np.where(span > 0, span, 1.0)
 
-    def halved(which):
-        if len(which) <= width:
-            return [which]
-        widest = np.argmax(np.ptp(rows[which], axis=0))
-        which = which[np.argsort(rows[which, widest], kind="stable")]
+    def halved(group):
+        if len(group) <= width:
+            return [group]
+        widest = np.argmax(np.ptp(rows[group], axis=0))
+        group = group[np.argsort(rows[group, widest], kind="stable")]
         # whole groups on the left
-        middle = -(-len(which) // (2 * width)) * width
-        return [*halved(which[:middle]), *halved(which[middle:])]
+        middle = -(-len(group) // (2 * width)) * width
+        return [*halved(group[:middle]), *halved(group[middle:])]
 
     return np.concatenate(halved(np.arange(len(rows))))

@@ -14,7 +14,8 @@ from ..._core.arguments import by_names
 from ..._core.errors import BadInput
 from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
-from .. import AnalysisOptions, prepared, variable
+from .. import AnalysisOptions, prepared
+from .. import variable as find_variable
 from .._problem import Asked, problem_of
 from .._variables import Variable
 from ..interface import Problem, by_name, quantity_named
@@ -110,39 +111,39 @@ def sweep(
 
     >>> from jaxcomp import load
     >>> grid = {"bore_at_displacement": [0.12, 0.13], "motor.mean_speed": [80.0, 100.0, 120.0]}  # SI
-    >>> found = sweep(load("mayekawa-wbhe"), grid, ["mechanical_efficiency"], progress=False)
-    >>> print((100 * found.mechanical_efficiency.values).round(1))
+    >>> designs = sweep(load("mayekawa-wbhe"), grid, ["mechanical_efficiency"], progress=False)
+    >>> print((100 * designs.mechanical_efficiency.values).round(1))
     [[92.5 91.3 89.7]
      [92.4 91.4 90.2]]
     """
     if over is None and samples is not None and isinstance(scene, Problem):
-        over = {one.name: _within_range(one) for one in scene.variables}
+        over = {variable.name: _within_range(variable) for variable in scene.variables}
     by_names("over", over, '{"mechanism.bore": [0.12, 0.13]}')
     if over and not isinstance(scene, Problem):
         over = by_name(machine_of(scene), over)
     points = _points(over, samples, sampling, seed)
-    asked = problem_of(scene, "over", tuple(points.axes), quantities, options)
-    _check(asked, points)
-    there = None if out is None else stored_header(Path(out))
+    problem = problem_of(scene, "over", tuple(points.axes), quantities, options)
+    _check(problem, points)
+    header = None if out is None else stored_header(Path(out))
     local = chosen_devices(devices)
-    layout, width = _layout(asked, points, batch, width, local, there)
+    layout, width = _layout(problem, points, batch, width, local, header)
     about = {
         "made_with": f"jaxcomp {version('jaxcomp')}, jax {jax.__version__}",
         "made_on": f"{local[0].device_kind}, {platform.machine()}",
     }
-    with_status = there is None or STATUS in there["columns"]
-    marks = fingerprint(asked, points)
-    plan = Plan(points, layout, width, *_headings(asked), marks, about, with_status)
+    with_status = header is None or STATUS in header["columns"]
+    marks = fingerprint(problem, points)
+    plan = Plan(points, layout, width, *_headings(problem), marks, about, with_status)
     store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
-    left = [number for number in range(layout.number) if not store.has(number)]
+    unsolved = [number for number in range(layout.number) if not store.has(number)]
     total = int(np.prod(layout.shape))
-    done = total - sum(int(np.prod(extent(layout.place(number)))) for number in left)
-    blocks = ((number, points.rows(layout.place(number))) for number in left)
-    with progress_of("Sweeping", total, done, "designs", progress) as shown:
-        for block in solved_blocks(prepared(asked), width, local, client, blocks):
+    solved = total - sum(int(np.prod(extent(layout.place(number)))) for number in unsolved)
+    blocks = ((number, points.rows(layout.place(number))) for number in unsolved)
+    with progress_of("Sweeping", total, solved, "designs", progress) as shown:
+        for block in solved_blocks(prepared(problem), width, local, client, blocks):
             store.write(*block)
-            done += len(block[1])
-            shown.at(done)
+            solved += len(block[1])
+            shown.at(solved)
     return store.dataset()
 
 
@@ -175,14 +176,14 @@ def sweep_machines(
 
     if not machines:
         raise BadInput("machines", "none", "at least one")
-    found = []
-    for name, one in machines.items():
-        here = machine_of(one)
-        held = {_HELD: [float(variable(here, _HELD).current(here))]}
+    datasets = []
+    for name, machine in machines.items():
+        design = machine_of(machine)
+        held = {_HELD: [float(find_variable(design, _HELD).current(design))]}
         store = None if out is None else Path(out) / name
-        made = sweep(one, over or held, quantities, out=store, **options)
-        found.append(made if over else made.isel({_HELD: 0}, drop=True))
-    return xarray.concat(found, xarray.Variable(dimension, list(machines)))  # pyright: ignore
+        dataset = sweep(machine, over or held, quantities, out=store, **options)
+        datasets.append(dataset if over else dataset.isel({_HELD: 0}, drop=True))
+    return xarray.concat(datasets, xarray.Variable(dimension, list(machines)))  # pyright: ignore
 
 
 def _within_range(variable: Variable) -> Distribution:
@@ -212,37 +213,40 @@ def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
     return SamplePoints(scattered, samples, sampling, seed)
 
 
-def _check(asked: Problem, points: GridPoints | SamplePoints) -> None:
+def _check(problem: Problem, points: GridPoints | SamplePoints) -> None:
     """Refuse values out of bounds, and a name that stands for two columns."""
-    for one in asked.variables:
-        for end in points.ends[one.name]:
-            if not bool(one.bound.holds(end)):
-                raise BadInput(one.name, end, f"{one.bound} {one.unit}".rstrip())
-    names = [*{*points.dims, *points.axes}, *asked.names, STATUS, OK]
+    for variable in problem.variables:
+        for end in points.ends[variable.name]:
+            if not bool(variable.bound.holds(end)):
+                raise BadInput(variable.name, end, f"{variable.bound} {variable.unit}".rstrip())
+    names = [*{*points.dims, *points.axes}, *problem.names, STATUS, OK]
     for name in names:
         if names.count(name) > 1:
             raise BadInput("quantities", name, "a name that nothing else in the sweep has")
 
 
-def _headings(asked: Problem) -> tuple[Headings, Headings]:
+def _headings(problem: Problem) -> tuple[Headings, Headings]:
     """Headings of variables and of quantities."""
-    found = {q: quantity_named(q) for q in asked.quantities if isinstance(q, str)}
-    return (
-        {one.name: heading(one.unit, one.name) for one in asked.variables},
-        {name: heading(found[name].unit, found[name].doc, found[name].better)
-         if name in found else heading("", name) for name in asked.names},
-    )  # fmt: skip
+    variables = {axis.name: heading(axis.unit, axis.name) for axis in problem.variables}
+    registered = {q: quantity_named(q) for q in problem.quantities if isinstance(q, str)}
+    quantities = {}
+    for name in problem.names:
+        quantities[name] = heading("", name)
+        if name in registered:
+            quantity = registered[name]
+            quantities[name] = heading(quantity.unit, quantity.doc, quantity.better)
+    return variables, quantities
 
 
-def _layout(asked, points, batch, width, devices, there) -> tuple[Blocks, int]:
+def _layout(problem, points, batch, width, devices, header) -> tuple[Blocks, int]:
     """Blocks, and designs that a device computes in step: those of a store, if there is one."""
-    for name, given in {"batch": batch, "width": width}.items():
-        if given is not None and given < 1:
-            raise BadInput(name, given, ">= 1")
-    if there is None:
-        return Blocks.of(points.shape, batch or BATCH), width or default_width(asked, devices)
-    layout = Blocks(points.shape, tuple(there["block"]))
-    stored = there["width"]
+    for name, count in {"batch": batch, "width": width}.items():
+        if count is not None and count < 1:
+            raise BadInput(name, count, ">= 1")
+    if header is None:
+        return Blocks.of(points.shape, batch or BATCH), width or default_width(problem, devices)
+    layout = Blocks(points.shape, tuple(header["block"]))
+    stored = header["width"]
     if batch is not None and Blocks.of(points.shape, batch) != layout:
         bound = f"as in the store, whose blocks have shape {layout.block}"
         raise BadInput("batch", batch, bound)

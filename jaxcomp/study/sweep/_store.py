@@ -62,25 +62,25 @@ def _status_heading() -> dict[str, Any]:
     return {"long_name": about, "flag_values": codes, "flag_meanings": " ".join(names)}
 
 
-def status_words(found: "xarray.Dataset") -> np.ndarray | None:
+def status_words(dataset: "xarray.Dataset") -> np.ndarray | None:
     """Status of every design, by names of `Status`; `None` of a store that does not know.
 
     Args:
-        found: of `sweep` or `open_sweep`.
+        dataset: of `sweep` or `open_sweep`.
     """
-    if STATUS not in found:
+    if STATUS not in dataset:
         return None
-    *names, _ = found[STATUS].attrs["flag_meanings"].split()
-    return names_of_codes(found[STATUS].values, names)
+    *names, _ = dataset[STATUS].attrs["flag_meanings"].split()
+    return names_of_codes(dataset[STATUS].values, names)
 
 
-def quantity_names(found: "xarray.Dataset") -> list[str]:
+def quantity_names(dataset: "xarray.Dataset") -> list[str]:
     """The quantities of a sweep, without what tells whether they are known.
 
     Args:
-        found: of `sweep` or `open_sweep`.
+        dataset: of `sweep` or `open_sweep`.
     """
-    return [str(name) for name in found.data_vars if name not in (OK, STATUS)]
+    return [str(name) for name in dataset.data_vars if name not in (OK, STATUS)]
 
 
 def _empty(name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -116,11 +116,16 @@ class Plan(NamedTuple):
         return self.points.dims == (SAMPLE,)
 
     @property
+    def axes(self) -> dict[str, Any]:
+        """[SI] Values of each variable of a grid; none of samples, which have them in columns."""
+        return {} if self.sampled else self.points.axes
+
+    @property
     def columns(self) -> Headings:
         """Columns of every design: its own variables, quantities, status and, last, `ok`."""
-        own = self.variables if self.sampled else {}
+        variables = self.variables if self.sampled else {}
         status = {STATUS: _status_heading()} if self.with_status else {}
-        return own | self.quantities | status | {OK: _OK_HEADING}
+        return variables | self.quantities | status | {OK: _OK_HEADING}
 
 
 class _Store:
@@ -132,10 +137,10 @@ class _Store:
     def write(self, number: int, rows, values, status, ok) -> None:
         """Keep a block: its designs, their quantities, how they ended, whether they can be relied on."""
         place = self.plan.layout.place(number)
-        own = rows.T if self.plan.sampled else ()
+        variables = rows.T if self.plan.sampled else ()
         ended = (status,) if self.plan.with_status else ()
         # `ok` last, whose presence says that the block is whole.
-        columns = *own, *values.T, *ended, ok
+        columns = *variables, *values.T, *ended, ok
         for array, column in zip(self.arrays.values(), columns, strict=True):
             array[place] = column.reshape(extent(place))
 
@@ -165,8 +170,7 @@ class InMemory(_Store):
         dims = self.plan.points.dims
         heads = plan.variables | plan.columns
         data = {name: (dims, value, heads[name]) for name, value in self.arrays.items()}
-        axes = {} if plan.sampled else plan.points.axes
-        data |= {name: (name, value, heads[name]) for name, value in axes.items()}
+        data |= {name: (name, value, heads[name]) for name, value in plan.axes.items()}
         coords = {name: data.pop(name) for name in plan.variables}
         return xarray.Dataset(data, coords, dict(plan.about))
 
@@ -189,11 +193,13 @@ class OnDisk(_Store):
         self.plan = plan
         if not path.exists() or not any(path.iterdir()):
             _make(path, plan)
-        there = stored_header(path)
-        differs = "no sweep" if there is None else first_difference(plan.fingerprint, there["same"])
+        header = stored_header(path)
+        differs = (
+            "no sweep" if header is None else first_difference(plan.fingerprint, header["same"])
+        )
         if differs:
-            wanted = "a new folder, or the store of this same sweep"
-            raise BadInput("out", f"{path}, which holds {differs}", wanted)
+            bound = "a new folder, or the store of this same sweep"
+            raise BadInput("out", f"{path}, which holds {differs}", bound)
         # A block of failures alone is a result like any other; a store forgets this setting.
         with zarr.config.set({"array.write_empty_chunks": True}), _undamaged(path):
             group = zarr.open_group(path, mode="r+")
@@ -242,7 +248,7 @@ def _make(path: Path, plan: Plan) -> None:
             dimension_names=plan.points.dims,
             attributes=attributes,
         )
-    for name, values in ({} if plan.sampled else plan.points.axes).items():
+    for name, values in plan.axes.items():
         about = plan.variables[name]
         group.create_array(name, data=values, dimension_names=(name,), attributes=about)
     try:
@@ -272,17 +278,17 @@ def open_sweep(path: str | Path) -> "xarray.Dataset":
     if header is None:
         raise BadInput("path", str(path), "the store of a sweep")
     with _undamaged(Path(path)):
-        found = xarray.open_zarr(path, consolidated=False, chunks=None)
-        found.attrs.pop(_HEADER)
+        stored = xarray.open_zarr(path, consolidated=False, chunks=None)
+        stored.attrs.pop(_HEADER)
         # A store knows no order, and takes what has no dimension of its name for data.
-        variables = {name: found[name].variable for name in header["same"]["variables"]}
-        values = found.drop_vars(variables)[header["columns"]]
+        variables = {name: stored[name].variable for name in header["same"]["variables"]}
+        values = stored.drop_vars(variables)[header["columns"]]
         sampled = [name for name in variables if name not in values.dims]
-        values[OK] = values[OK].copy(data=_whole(Path(path), header, values, sampled))
+        values[OK] = values[OK].copy(data=_ok_where_complete(Path(path), header, values, sampled))
     return values.assign_coords(variables).assign_attrs(header["about"])
 
 
-def _whole(path: Path, header, values, sampled) -> np.ndarray:
+def _ok_where_complete(path: Path, header, values, sampled) -> np.ndarray:
     """`ok`, false in blocks of which the file of a quantity is gone."""
 
     def blocks(name):
@@ -290,9 +296,9 @@ def _whole(path: Path, header, values, sampled) -> np.ndarray:
         return {file.relative_to(folder).parts for file in folder.rglob("*") if file.is_file()}
 
     ok = values[OK].values
-    there = blocks(OK)
+    written = blocks(OK)
     for name in (*header["columns"], *sampled):
-        for index in there - blocks(name):
+        for index in written - blocks(name):
             starts = zip(map(int, index), header["block"], strict=True)
             ok[tuple(slice(i * size, (i + 1) * size) for i, size in starts)] = False
     return ok
@@ -305,10 +311,10 @@ def stored_header(path: Path) -> dict[str, Any] | None:
         header = json.loads(attributes[_HEADER])
     except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
         return None
-    whole = isinstance(header, dict) and all(
+    complete = isinstance(header, dict) and all(
         isinstance(header.get(key), kind) for key, kind in _HEADER_KINDS.items()
     )
-    if not whole or not isinstance(header["same"].get("variables"), list | dict):
+    if not complete or not isinstance(header["same"].get("variables"), list | dict):
         return None
     return header
 
@@ -323,8 +329,8 @@ def _undamaged(path: Path) -> Iterator[None]:
     try:
         yield
     except Exception as error:  # damaged files fail in zarr and in its codecs, each in its own way
-        told = f"{path}, which is damaged ({type(error).__name__}: {error})"
-        raise BadInput("out", told, "a store that is whole, or a new folder") from None
+        text = f"{path}, which is damaged ({type(error).__name__}: {error})"
+        raise BadInput("out", text, "a store that is whole, or a new folder") from None
 
 
 def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
@@ -337,29 +343,30 @@ def fingerprint(problem: Problem, points: Any) -> dict[str, Any]:
         "machine": _digest(problem.design),
         "variables": list(points.axes),
         "designs": hashlib.sha256(repr(points.described()).encode()).hexdigest(),
-        "quantities": [_asked(one) for one in problem.quantities],
+        "quantities": [_quantity_mark(quantity) for quantity in problem.quantities],
         "options": _text(problem.options),
     }
 
 
-def first_difference(here: dict[str, Any], there: dict[str, Any]) -> str:
+def first_difference(header: dict[str, Any], stored: dict[str, Any]) -> str:
     """First difference of two headers, in words; empty if there is none."""
     hashed = {"machine": "numbers of the machine", "designs": "values of the variables"}
-    for key, value in here.items():
-        if there.get(key) != value:
+    for key, value in header.items():
+        if stored.get(key) != value:
             if key in hashed:
                 return f"other {hashed[key]}"
-            words = [
-                ", ".join(v) if isinstance(v, list) else str(v) for v in (there.get(key), value)
-            ]
-            return f"{key} {words[0]} where this one has {words[1]}"
+            return f"{key} {_listed(stored.get(key))} where this one has {_listed(value)}"
     return ""
+
+
+def _listed(value: object) -> str:
+    return ", ".join(value) if isinstance(value, list) else str(value)
 
 
 def _digest(tree) -> str:
     """Digest of all numbers of a tree and of everything that is none."""
-    numbers, rest = eqx.partition(tree, eqx.is_array)
-    digest = hashlib.sha256(_text(rest).encode())
+    numbers, static = eqx.partition(tree, eqx.is_array)
+    digest = hashlib.sha256(_text(static).encode())
     for path, leaf in jax.tree_util.tree_leaves_with_path(numbers):
         value = np.asarray(leaf)
         digest.update(f"{jax.tree_util.keystr(path)} {value.dtype} {value.shape}".encode())
@@ -367,13 +374,13 @@ def _digest(tree) -> str:
     return digest.hexdigest()
 
 
-def _asked(one: str | Callable) -> str:
-    if isinstance(one, str):
-        return one
-    code = getattr(one, "__code__", None)
+def _quantity_mark(quantity: str | Callable) -> str:
+    if isinstance(quantity, str):
+        return quantity
+    code = getattr(quantity, "__code__", None)
     content = "" if code is None else _code(code)
     mark = hashlib.sha256(content.encode()).hexdigest()[:12]
-    return f"{one.__name__} ({mark})"
+    return f"{quantity.__name__} ({mark})"
 
 
 def _code(code) -> str:

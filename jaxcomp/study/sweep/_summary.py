@@ -16,18 +16,18 @@ if TYPE_CHECKING:
 _SHARES = (5, 50, 95)
 
 
-def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
+def summary(dataset: "xarray.Dataset", listing_limit: int = 10_000) -> dict[str, Any]:
     """Ranges and best designs of a `sweep`, in SI units.
 
     Args:
-        found: of `sweep`.
-        most: designs up to which all of them are listed.
+        dataset: of `sweep`.
+        listing_limit: designs up to which all of them are listed.
     """
-    ok = found["ok"].values
-    few = ok.size <= most
-    variables = [str(name) for name in found.coords if name != "sample"]
-    quantities = quantity_names(found)
-    ended = status_words(found)
+    ok = dataset["ok"].values
+    few = ok.size <= listing_limit
+    variables = [str(name) for name in dataset.coords if name != "sample"]
+    quantities = quantity_names(dataset)
+    ended = status_words(dataset)
     failed = ended[~ok] if ended is not None else []
 
     def variable(values):
@@ -37,29 +37,29 @@ def summary(found: "xarray.Dataset", most: int = 10_000) -> dict[str, Any]:
         return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
 
     return {
-        "dimensions": list(map(str, found["ok"].dims)),
+        "dimensions": list(map(str, dataset["ok"].dims)),
         "shape": ok.shape,
         "designs": ok.size,
         "failed": ok.size - ok.sum(),
         "failed_by_status": dict(Counter(map(str, failed)).most_common()),
-        "variables": {name: variable(found[name]) for name in variables},
-        "quantities": {name: _quantity(found, name, few) for name in quantities},
+        "variables": {name: variable(dataset[name]) for name in variables},
+        "quantities": {name: _quantity(dataset, name, few) for name in quantities},
         "ok": ok if few else None,
         "status": ended if few else None,
     }
 
 
-def _quantity(found, name: str, few: bool) -> dict[str, Any]:
-    data = found[name].values
-    attributes = found[name].attrs
+def _quantity(dataset, name: str, few: bool) -> dict[str, Any]:
+    data = dataset[name].values
+    attributes = dataset[name].attrs
     ranked = attributes["better"] in ("more", "less")
     curve = None
-    if ranked and data.ndim == 2 and found[name].dims != ("sample",):
+    if ranked and data.ndim == 2 and dataset[name].dims != ("sample",):
         keys = ("across", "best", "between", "value")
-        columns = (column.tolist() for column in map(np.asarray, best_curve(found, name)))
+        columns = (column.tolist() for column in map(np.asarray, best_curve(dataset, name)))
         points = [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
-        along, across = map(str, found[name].dims)
-        curve = {"along": along, "across": across, "points": points}
+        along_dim, across_dim = map(str, dataset[name].dims)
+        curve = {"along": along_dim, "across": across_dim, "points": points}
     good = data[np.isfinite(data)]
     keys = ("lowest", "highest", "mean", "deviation", "percentiles")
     statistics: dict[str, Any] = dict.fromkeys(keys)
@@ -71,32 +71,32 @@ def _quantity(found, name: str, few: bool) -> dict[str, Any]:
         "unit": attributes["units"],
         "better": attributes["better"],
         **statistics,
-        "best": best_design(found, name) if ranked else None,
+        "best": best_design(dataset, name) if ranked else None,
         "best_curve": curve,
         "values": data if few else None,
     }
 
 
-def machine_parts(found: "xarray.Dataset", dimension: str) -> dict[str, "xarray.Dataset"]:
+def machine_parts(dataset: "xarray.Dataset", dimension: str) -> dict[str, "xarray.Dataset"]:
     """The designs of each of several machines, by its name.
 
     Args:
-        found: of `sweep_machines`.
+        dataset: of `sweep_machines`.
         dimension: along which the machines stand.
     """
-    names = map(str, found[dimension].values)
-    return {name: found.sel({dimension: name}, drop=True) for name in names}
+    names = map(str, dataset[dimension].values)
+    return {name: dataset.sel({dimension: name}, drop=True) for name in names}
 
 
-def columns(found: "xarray.Dataset") -> dict[str, np.ndarray]:
+def columns(dataset: "xarray.Dataset") -> dict[str, np.ndarray]:
     """Every design of a `sweep` with its quantities, by name and SI unit, and how it ended.
 
     Args:
-        found: of `sweep`.
+        dataset: of `sweep`.
     """
-    made = {}
-    for name in (*map(str, found.coords), *quantity_names(found), OK):
-        whole = found[name].broadcast_like(found["ok"]).transpose(*found["ok"].dims)
-        made[with_unit(name, found[name].attrs.get("units", ""))] = whole.values.ravel()
-    ended = status_words(found)
-    return made if ended is None else made | {STATUS: ended.ravel()}
+    table = {}
+    for name in (*map(str, dataset.coords), *quantity_names(dataset), OK):
+        values = dataset[name].broadcast_like(dataset["ok"]).transpose(*dataset["ok"].dims)
+        table[with_unit(name, dataset[name].attrs.get("units", ""))] = values.values.ravel()
+    ended = status_words(dataset)
+    return table if ended is None else table | {STATUS: ended.ravel()}
