@@ -1,7 +1,6 @@
 r"""The analysis of one design: its options, and results that are computed on first access."""
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -40,9 +39,6 @@ from ._rotor_response import (
     places_of,
     vibration_of,
 )
-
-if TYPE_CHECKING:
-    pass
 
 SHAKING_ORDERS = (1, 2, 3, 4, 6)  # of the revolution, which shaking forces and couples are told of
 
@@ -89,8 +85,9 @@ class DesignResult:
     @cached_property
     def delivered(self) -> IdealDelivery:
         """Delivery of a machine with simple cycles."""
-        given = self.design.compressor
-        return ideal_delivery(self._compressor, given and given.gas, self.orbit.mean_speed)
+        described = self.design.compressor
+        machine_gas = None if described is None else described.gas
+        return ideal_delivery(self._compressor, machine_gas, self.orbit.mean_speed)
 
     @cached_property
     def wrench(self) -> Wrench:
@@ -139,7 +136,9 @@ class DesignResult:
         parts = [self.design.compressor, *self.design.parts.values()]
         good = [admissible(part) for part in parts if part is not None]
         status = self.orbit.status if "orbit" in self.__dict__ else Status.converged
-        return Status.where(jnp.all(jnp.stack(good)), status, Status.bad_input) if good else status
+        if not good:
+            return status
+        return Status.where(jnp.all(jnp.stack(good)), status, Status.bad_input)
 
     @property
     def events_without_room(self) -> Int[Array, ""]:
@@ -196,7 +195,9 @@ class DesignResult:
     @property
     def vibration_of_targets(self) -> dict[str, Float[Array, ""]]:
         """[m] Root mean square amplitude by target."""
-        names = np.array([t.name for t in places_of(self.assembly).targets for _ in t.axes])
+        targets = places_of(self.assembly).targets
+        axes = [len(target.axes) for target in targets]
+        names = np.repeat([target.name for target in targets], axes)
         rows = {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
         return {name: self._root_mean_square(place) for name, place in rows.items()}
 
@@ -204,8 +205,8 @@ class DesignResult:
     def balanced_vibration(self) -> Float[Array, ""]:
         """[m] `vibration_of_all` at order 1 after the least-squares correction of this design."""
         influence = self.influence
-        left = influence.weight * influence.vibration(least_squares(influence).correction)
-        return jnp.sqrt(jnp.sum(jnp.abs(left) ** 2) / jnp.sum(influence.weight**2))
+        residual = influence.weight * influence.vibration(least_squares(influence).correction)
+        return jnp.sqrt(jnp.sum(jnp.abs(residual) ** 2) / jnp.sum(influence.weight**2))
 
     @property
     def mount_force(self) -> Float[Array, ""]:
@@ -215,8 +216,10 @@ class DesignResult:
     @property
     def weights(self) -> Float[Array, " rows"]:
         """[-] of the rows of `vibration.targets`."""
-        places = places_of(self.assembly)
-        return jnp.stack([jnp.asarray(t.weight) for t in places.targets for _ in t.axes])
+        weights = []
+        for target in places_of(self.assembly).targets:
+            weights += [jnp.asarray(target.weight)] * len(target.axes)
+        return jnp.stack(weights)
 
     def _largest(self, vector) -> Float[Array, ""]:
         return jnp.sqrt(self.orbit.largest(jnp.sum(vector**2, axis=0)))
@@ -235,14 +238,14 @@ def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
         design: a machine with a rotor and correction planes.
         options: of the analysis whose vibration is balanced.
     """
-    bare = eqx.tree_at(
+    uncorrected = eqx.tree_at(
         lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
     )
-    influence = DesignResult(bare, options).influence
+    influence = DesignResult(uncorrected, options).influence
     correction = least_squares(influence).correction
-    both = jnp.stack([correction.real, correction.imag], -1)
+    components = jnp.stack([correction.real, correction.imag], -1)
     return eqx.tree_at(
-        lambda d: d.corrections, design, dict(zip(influence.planes, both, strict=True))
+        lambda d: d.corrections, design, dict(zip(influence.planes, components, strict=True))
     )
 
 
@@ -252,15 +255,16 @@ def quantity_named(name: str) -> Quantity:
     Raises:
         BadInput: no such quantity.
     """
-    found = registered_quantity(name)
-    if found is None or "<" in name:
-        names = [one.name for one in registered()]
-        family = nearest(name, [known for known in names if known.startswith(f"{name.lower()}.")])
+    quantity = registered_quantity(name)
+    if quantity is None or "<" in name:
+        names = [candidate.name for candidate in registered()]
+        prefix = f"{name.lower()}."
+        family = nearest(name, [member for member in names if member.startswith(prefix)])
         if family is not None:
             bound = f'"{family}"; `jaxcomp list --quantities MACHINE` lists its members'
             raise BadInput("quantity", name, bound)
         raise BadInput("quantity", name, one_of(name, names))
-    return found
+    return quantity
 
 
 def available_quantities(design: Machine, members: bool = False) -> dict[str, Quantity]:
@@ -271,25 +275,28 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
         members: list every joint and target by itself, without quantities of other packages that fail;
             families as `loss_power.<joint>` otherwise.
     """
-    known = {one.name: one for one in registered() if not one.missing(design)}
+    suiting = [quantity for quantity in registered() if not quantity.missing(design)]
     if not members:
-        return known
-    traced = [
-        one for one in known.values() if is_external(one) or (one.family and one.members is None)
-    ]
+        return {quantity.name: quantity for quantity in suiting}
+    # Only a trace tells which of these a design has, and the members of a family that lists none.
+    traced = [q for q in suiting if is_external(q) or (q.family and q.members is None)]
 
     def values(design):
-        found = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
-        return offered_values(traced, found)
+        result = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
+        return offered_values(traced, result)
 
-    found = eqx.filter_eval_shape(values, design) if traced else {}
-    out = {}
-    for one in known.values():
-        if one in traced and one.name not in found:
+    shapes = eqx.filter_eval_shape(values, design) if traced else {}
+    available = {}
+    for quantity in suiting:
+        if quantity in traced and quantity.name not in shapes:
             continue
-        if not one.family:
-            out[one.name] = one
+        if not quantity.family:
+            available[quantity.name] = quantity
             continue
-        for member in one.members(design) if one.members else found.get(one.name, ()):
-            out[f"{one.family}.{member}"] = quantity_named(f"{one.family}.{member}")
-    return out
+        family = shapes.get(quantity.name, ())
+        if quantity.members:
+            family = quantity.members(design)
+        for member in family:
+            name = f"{quantity.family}.{member}"
+            available[name] = quantity_named(name)
+    return available

@@ -74,12 +74,14 @@ def has_rod_forces(compressor: Compressor) -> bool:
     return isinstance(compressor.mechanism, SliderCrank) and compressor.gas is not None
 
 
-def rod_forces(compressor: Compressor, given: Any, orbit: Orbit, wrench: "Wrench") -> RodForces:
+def rod_forces(
+    compressor: Compressor, machine_gas: Any, orbit: Orbit, wrench: "Wrench"
+) -> RodForces:
     """Forces along the rods of a solved orbit, and what shakes the block.
 
     Args:
         compressor: put together, with a slider-crank and gas.
-        given: the gas as the machine has it, before stages have their pressures.
+        machine_gas: the gas as the machine has it, before stages have their pressures.
         orbit: its periodic state.
         wrench: of the moving parts at its nodes.
     """
@@ -92,12 +94,14 @@ def rod_forces(compressor: Compressor, given: Any, orbit: Orbit, wrench: "Wrench
     edges = orbit.panel_edges
     angle = edges[:-1, None] + orbit.panel_width[:, None] * places
     through = rule.through(places).T
-    speed, rise = (
-        values.reshape(-1, orbit.panel_nodes) @ through
-        for values in (state.speed, state.acceleration)
-    )
-    fine = CrankState(angle.ravel(), speed.ravel(), rise.ravel())
-    fine_gas, fine_inertia = (load.reshape(-1, *angle.shape) for load in _along_rods(solved, fine))
+
+    def interpolated(nodal):
+        return (nodal.reshape(-1, orbit.panel_nodes) @ through).ravel()
+
+    speed = interpolated(state.speed)
+    acceleration = interpolated(state.acceleration)
+    fine = CrankState(angle.ravel(), speed, acceleration)
+    fine_gas, fine_inertia = _along_rods(solved, fine)
     duration = orbit.weight / state.speed
     vectors = jnp.concatenate([wrench.force[:2], wrench.moment[:2]])
     amplitudes, _ = time_harmonics(vectors, orbit.time, duration, max(ORDERS))
@@ -105,13 +109,13 @@ def rod_forces(compressor: Compressor, given: Any, orbit: Orbit, wrench: "Wrench
         gas=gas,
         inertia=inertia,
         angle=angle,
-        fine_gas=fine_gas,
-        fine_inertia=fine_inertia,
+        fine_gas=fine_gas.reshape(-1, *angle.shape),
+        fine_inertia=fine_inertia.reshape(-1, *angle.shape),
         force=amplitudes[:2],
         couple=amplitudes[2:],
         width=orbit.panel_width,
         throws=_dimensions(compressor, orbit),
-        ends=_ends(compressor, given, orbit),
+        ends=_ends(compressor, machine_gas, orbit),
     )
 
 
@@ -150,7 +154,7 @@ def _of_cylinders(compressor: Compressor, columns: dict[str, Any]) -> dict[str, 
 
 
 def _ends(
-    compressor: Compressor, given: Any, orbit: Orbit
+    compressor: Compressor, machine_gas: Any, orbit: Orbit
 ) -> dict[str, dict[str, Float[Array, " k"]]]:
     """Quantities of each end of the cylinders; none of gases that have no valves."""
     gas: Any = compressor.gas
@@ -158,21 +162,23 @@ def _ends(
     turns = orbit.mean_speed / (2 * jnp.pi)
     displacement = area * stroke * turns
     if isinstance(gas, PolytropicCycle):
-        ends = {"head": _ideal_end(gas, given, displacement)}
+        ends = {"head": _ideal_end(gas, machine_gas, displacement)}
     elif isinstance(gas, DoubleActing):
-        source = given.head_end if isinstance(given, DoubleActing) else given
+        source = machine_gas.head_end if isinstance(machine_gas, DoubleActing) else machine_gas
         rod = jnp.pi / 4 * gas.rod_diameter**2 * stroke * turns
         ends = {
             "head": _ideal_end(gas.head_end, source, displacement),
             "crank": _ideal_end(gas.crank_end, source, displacement - rod),
         }
-    elif isinstance(given, Cylinder) and orbit.cycle is not None:
+    elif isinstance(machine_gas, Cylinder) and orbit.cycle is not None:
         ends = _ends_with_valves(orbit.cycle)
     else:
         return {}
     stages = 1
-    if isinstance(given, StagedCycle) or (isinstance(given, Cylinder) and given.later_stages):
-        stages = given.stages
+    if isinstance(machine_gas, StagedCycle) or (
+        isinstance(machine_gas, Cylinder) and machine_gas.later_stages
+    ):
+        stages = machine_gas.stages
     return {
         name: _of_cylinders(compressor, {"stage": jnp.asarray(stages, float), **columns})
         for name, columns in ends.items()
@@ -268,9 +274,9 @@ class ProcessSheet(Result):
         """The loads along the rods, of several by their numbers."""
         for kind in ("gas", "inertia", "combined"):
             for number, load in enumerate(getattr(self, kind), 1):
-                several = f".{number}" if len(self.throws) > 1 else ""
-                words = "along the rod, tension positive"
-                yield Data(f"{kind}_rod_load{several}", "N", load, self.table_dims, words)
+                suffix = f".{number}" if len(self.throws) > 1 else ""
+                doc = "along the rod, tension positive"
+                yield Data(f"{kind}_rod_load{suffix}", "N", load, self.table_dims, doc)
 
     def nested(self) -> dict[str, Any]:
         """Throws, ends and shaking by their names."""
@@ -314,7 +320,6 @@ def _rows_of_ends(forces: RodForces) -> Iterator[dict[str, Any]]:
             yield {"cylinder": number + 1, "stage": stage, "end": end, **numbers}
 
 
-# ------------------------------------------------------------------- loads along the rods
 class _Sampled(NamedTuple):
     """A load at many angles, panel by panel.
 
@@ -333,6 +338,7 @@ class _Sampled(NamedTuple):
         loads = self.load[panel]
         if place in (0, loads.size - 1):
             return float(loads[place]), float(angles[place])
+        # The vertex of the parabola through the largest load and its neighbours, in steps from it.
         before, top, after = loads[place - 1 : place + 2]
         bend = before - 2 * top + after
         shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
@@ -355,14 +361,14 @@ class _Sampled(NamedTuple):
 
 
 def _throws(forces: RodForces) -> Iterator[dict[str, Any]]:
-    there = forces.width > _NO_WIDTH
-    angle = forces.angle[there]
+    wide = forces.width > _NO_WIDTH
+    angle = forces.angle[wide]
     for number in range(len(forces.gas)):
         record: dict[str, Any] = {"cylinder": number + 1}
         record |= {name: float(column[number]) for name, column in forces.throws.items()}
         loads = {
-            "gas": forces.fine_gas[number, there],
-            "inertia": forces.fine_inertia[number, there],
+            "gas": forces.fine_gas[number, wide],
+            "inertia": forces.fine_inertia[number, wide],
         }
         loads["combined"] = loads["gas"] + loads["inertia"]
         for kind, load in loads.items():

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from .._core.errors import BadInput
-from ._goal import LEAST, Goal, Point
+from ._goal import SHORTEST_STEP, Goal, Point
 
 if TYPE_CHECKING:
     import optax
@@ -87,7 +87,7 @@ class Descent:
         for point in reversed(self.points):
             if np.array_equal(point.share, share):
                 return point
-        close = self.path and np.max(np.abs(share - self.best.share)) < LEAST
+        close = self.path and np.max(np.abs(share - self.best.share)) < SHORTEST_STEP
         if close or len(self.points) >= self.max_steps:
             raise _Ended
         solved = self._evaluate(self.goal.ranges.values(share))

@@ -24,16 +24,16 @@ from jaxtyping import Bool, Float
 from .._core.arguments import bounds_by_names
 from .._core.errors import BadInput
 from ._analysis import quantity_named
-from ._problem import Asked, Problem, name_of, prepared
+from ._problem import Problem, RequestedQuantity, name_of, prepared
 from ._variables import Variable
 
 Rows: TypeAlias = Float[np.ndarray, "*n variables"]
 Interval = tuple[float | None, float | None]
-Objective = Asked | Mapping[Asked, float]
+Objective = RequestedQuantity | Mapping[RequestedQuantity, float]
 # [-] of a constraint's spread over the sample.
 FEASIBLE = 1e-6
 # [-] of a range: nearer than this to a bound a design is on it, and no step is shorter.
-LEAST = 1e-7
+SHORTEST_STEP = 1e-7
 
 
 class Ranges(NamedTuple):
@@ -70,12 +70,15 @@ def ranges_of(variables: tuple[Variable, ...]) -> Ranges:
     Raises:
         BadInput: an end that is missing, or a range without width.
     """
-    for one in variables:
-        for end in (one.low, one.high):
+    for variable in variables:
+        for end in (variable.low, variable.high):
             if not math.isfinite(end):
-                raise BadInput(one.name, end, "given a range with two finite ends to be optimised")
-        if not one.low < one.high:
-            raise BadInput(one.name, one.high, f"given a range that rises from {one.low:g}")
+                raise BadInput(
+                    variable.name, end, "given a range with two finite ends to be optimised"
+                )
+        if not variable.low < variable.high:
+            bound = f"given a range that rises from {variable.low:g}"
+            raise BadInput(variable.name, variable.high, bound)
     return Ranges(np.array([v.low for v in variables]), np.array([v.high for v in variables]))
 
 
@@ -140,7 +143,7 @@ def goal_of(
     problem: Problem,
     objective: Objective | None,
     maximise: bool | None,
-    constraints: Mapping[Asked, Interval] | None,
+    constraints: Mapping[RequestedQuantity, Interval] | None,
 ) -> Goal:
     """Check an objective and constraints.
 
@@ -151,10 +154,10 @@ def goal_of(
     ranges = ranges_of(problem.variables)
     quantities = list(problem.quantities)
 
-    def place(asked: Asked) -> int:
-        if asked not in quantities:
-            quantities.append(asked)
-        return quantities.index(asked)
+    def place(quantity: RequestedQuantity) -> int:
+        if quantity not in quantities:
+            quantities.append(quantity)
+        return quantities.index(quantity)
 
     targets = ()
     main = None
@@ -166,49 +169,62 @@ def goal_of(
             raise BadInput("objective", "empty", "a quantity, or at least one target")
         if maximise is not None:
             raise BadInput("maximise", str(maximise), "left out with targets, which are met")
-        targets = tuple(_target(asked, place(asked), value) for asked, value in objective.items())
+        targets = tuple(
+            _target(quantity, place(quantity), value) for quantity, value in objective.items()
+        )
     else:
         main = place(objective)
         sign = _sign(objective, maximise)
     limits = []
-    for asked, interval in bounds_by_names("constraints", constraints).items():
-        limits += _sides(name_of(asked), place(asked), *interval)
-    kept = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
+    for quantity, interval in bounds_by_names("constraints", constraints).items():
+        limits += _sides(name_of(quantity), place(quantity), *interval)
+    rangeless = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
-    made = Problem(problem.design, kept, tuple(quantities), problem.options)
-    eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(kept),), float))
-    ones = np.ones(len(quantities))
-    return Goal(prepared(made), ranges, main, sign, targets, tuple(limits), ones)
+    complete = Problem(problem.design, rangeless, tuple(quantities), problem.options)
+    eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(rangeless),), float))
+
+    return Goal(
+        problem=prepared(complete),
+        ranges=ranges,
+        objective=main,
+        sign=sign,
+        targets=targets,
+        limits=tuple(limits),
+        scale=np.ones(len(quantities)),
+    )
 
 
-def _target(asked: Asked, place: int, value) -> Limit:
+def _target(quantity: RequestedQuantity, place: int, value) -> Limit:
     if not math.isfinite(value):
-        raise BadInput(name_of(asked), value, "given a finite value to meet")
-    return Limit(name_of(asked), place, 0, float(value))
+        raise BadInput(name_of(quantity), value, "given a finite value to meet")
+    return Limit(name=name_of(quantity), place=place, side=0, bound=float(value))
 
 
-def _sign(asked: Asked, maximise: bool | None) -> int:
+def _sign(quantity: RequestedQuantity, maximise: bool | None) -> int:
     if maximise is None:
-        better = quantity_named(asked).better if isinstance(asked, str) else "less"
+        better = quantity_named(quantity).better if isinstance(quantity, str) else "less"
         if not better:
-            bound = f"given: {asked} is not better in either direction"
+            bound = f"given: {quantity} is not better in either direction"
             raise BadInput("maximise", "absent", bound)
         maximise = better == "more"
     return -1 if maximise else 1
 
 
 def _sides(name: str, place: int, low: float | None, high: float | None) -> list[Limit]:
-    ends = [Limit(name, place, s, end) for s, end in ((-1, low), (1, high)) if end is not None]
-    for one in ends:
-        if not math.isfinite(one.bound):
-            raise BadInput(name, one.bound, "given finite bounds, or None for no bound")
-    if not ends:
+    limits = []
+    for side, bound in ((-1, low), (1, high)):
+        if bound is None:
+            continue
+        if not math.isfinite(bound):
+            raise BadInput(name, bound, "given finite bounds, or None for no bound")
+        limits.append(Limit(name=name, place=place, side=side, bound=bound))
+    if not limits:
         raise BadInput(name, "without bounds", "given a lower or an upper bound")
     if low is not None and high is not None and low >= high:
         if low > high:
             raise BadInput(name, low, f"given a lower bound below the upper, here {high:g}")
-        return [Limit(name, place, 0, float(low))]
-    return ends
+        return [Limit(name=name, place=place, side=0, bound=float(low))]
+    return limits
 
 
 class Misses(NamedTuple):
@@ -246,9 +262,9 @@ class Point:
         return self.slope[places] * self.goal.ranges.width / self.goal.scale[places, None]
 
     def _misses(self, limits: Iterable[Limit]) -> Misses:
-        places = [one.place for one in limits]
-        side = np.array([one.side or 1 for one in limits], float)
-        away = self.values[places] - np.array([one.bound for one in limits])
+        places = [limit.place for limit in limits]
+        side = np.array([limit.side or 1 for limit in limits], float)
+        away = self.values[places] - np.array([limit.bound for limit in limits])
         return Misses(side * away / self.goal.scale[places], side[:, None] * self._slope_of(places))
 
     @cached_property
@@ -296,22 +312,24 @@ class Point:
     def multipliers(self) -> Float[np.ndarray, " limits"]:
         """[-] For which the slope of L is smallest; those of bounds are found beside them."""
         beyond, slope = self.limits
-        out = np.zeros(len(beyond))
+        multipliers = np.zeros(len(beyond))
         equal = self.goal.equalities
         active = equal | (beyond >= -10 * FEASIBLE)
         if self.ok and active.any():
             unit = np.eye(len(self.share))
             at = self.share
             # Bounds as constraints -u <= 0 and u - 1 <= 0 with multipliers of their own.
-            columns = np.concatenate([slope[active], -unit[at <= LEAST], unit[at >= 1 - LEAST]])
-            least = np.zeros(len(columns))
+            at_low = at <= SHORTEST_STEP
+            at_high = at >= 1 - SHORTEST_STEP
+            columns = np.concatenate([slope[active], -unit[at_low], unit[at_high]])
+            lowest = np.zeros(len(columns))
             # Of a value to be met a multiplier has either sign.
-            least[: active.sum()][equal[active]] = -np.inf
+            lowest[: active.sum()][equal[active]] = -np.inf
             from scipy.optimize import lsq_linear  # half a second, for those who search
 
-            found = lsq_linear(columns.T, -self.gradient, (least, np.inf), method="bvls")
-            out[active] = found.x[: active.sum()]
-        return out
+            solution = lsq_linear(columns.T, -self.gradient, (lowest, np.inf), method="bvls")
+            multipliers[active] = solution.x[: active.sum()]
+        return multipliers
 
     def price(self, number: int) -> float:
         """[SI] What the optimal objective gains per unit of the bound of a constraint."""
@@ -338,10 +356,11 @@ class Point:
     def rank(self) -> tuple[float, float]:
         """Lower is better: first the violation, then the objective."""
         # Whatever is feasible ranks by the objective alone.
-        return (max(self.violation, 10 * FEASIBLE) if self.ok else np.inf), self.f
+        violation = max(self.violation, 10 * FEASIBLE) if self.ok else np.inf
+        return violation, self.f
 
     @property
     def optimal(self) -> bool:
         """True where the point keeps the constraints and has no slope left."""
-        kept = self.ok and self.violation <= FEASIBLE
-        return kept and self.stationarity <= self.goal.tolerance
+        within_limits = self.ok and self.violation <= FEASIBLE
+        return within_limits and self.stationarity <= self.goal.tolerance

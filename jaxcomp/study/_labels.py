@@ -29,10 +29,10 @@ def variable_label(design: Machine, path: str) -> str:
         with suppress(LookupError):
             return walk(design, steps[:count])
 
-    nodes = getattr(place(len(steps) - 2), "nodes", ()) if len(steps) > 2 else ()
+    nodes = getattr(place(max(len(steps) - 2, 0)), "nodes", ())
     if path.startswith("loads.unbalances.") and steps[-1].isdigit():
-        what = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
-        return f"{what} at node {_node(nodes[int(steps[-1])])}"
+        quantity = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
+        return f"{quantity} at node {_node(nodes[int(steps[-1])])}"
     # the number is an entry of the last step with a name; what stands before is the part
     name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
     part = []

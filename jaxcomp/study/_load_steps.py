@@ -1,7 +1,7 @@
 """The load steps of a machine beside each other: what each delivers, and what it costs rods and crank."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -101,10 +101,14 @@ def load_steps(
     for step in steps:
         at_step = replaced(gas, unloaded=step.unloaded, pockets=step.pockets)
         # Both are given in every step, so that one program serves all.
-        here = with_settings(at_step, compressor.crankshaft.count)
-        changed = replaced(design, compressor=replaced(compressor, gas=here))
+        stepped_gas = with_settings(at_step, compressor.crankshaft.count)
+        changed = replaced(design, compressor=replaced(compressor, gas=stepped_gas))
         states.append(steady_state(changed, solver))
     return LoadSteps(tuple(step.name for step in steps), tuple(states))
+
+
+def _of_throws(throws: Sequence[dict[str, Any]], name: str) -> list[float]:
+    return [throw[name] for throw in throws]
 
 
 def _row(state: SteadyState, full: float) -> dict[str, Any]:
@@ -112,8 +116,12 @@ def _row(state: SteadyState, full: float) -> dict[str, Any]:
     sheet = state.api_618
     cycle = state.orbit.cycle
     assert cycle is not None
-    throws = () if sheet is None else sheet.throws
-    ends = () if sheet is None else sheet.ends
+    throws = ()
+    ends = ()
+    if sheet is not None:
+        throws = sheet.throws
+        ends = sheet.ends
+    # An end whose valves are held open has no discharge, and so no temperature of it.
     warm = [end["discharge_temperature"] for end in ends if end["volumetric_efficiency"] > 1e-6]
     flow = float(quantities["mass_flow"])
     return {
@@ -123,10 +131,10 @@ def _row(state: SteadyState, full: float) -> dict[str, Any]:
         "shaft_power": float(quantities["motor_power"]),
         "mean_torque": float(quantities["motor_power"]) / float(quantities["mean_speed"]),
         "torque_fluctuation": float(quantities["torque_fluctuation"]),
-        "rod_compression": max((t["combined_compression"] for t in throws), default=np.nan),
-        "rod_tension": max((t["combined_tension"] for t in throws), default=np.nan),
-        "reversal_angle": min((t["reversal_angle"] for t in throws), default=np.nan),
-        "reversal_share": min((t["reversal_share"] for t in throws), default=np.nan),
+        "rod_compression": max(_of_throws(throws, "combined_compression"), default=np.nan),
+        "rod_tension": max(_of_throws(throws, "combined_tension"), default=np.nan),
+        "reversal_angle": min(_of_throws(throws, "reversal_angle"), default=np.nan),
+        "reversal_share": min(_of_throws(throws, "reversal_share"), default=np.nan),
         "discharge_temperature": max(warm, default=np.nan),
         "stage_pressures": dict(quantities.get("interstage_pressure", {})),
     }

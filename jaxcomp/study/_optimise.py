@@ -20,7 +20,7 @@ from .._core.status import SolveFailed, Status
 from ._descent import Descent, Method, keep_limits, method_of
 from ._goal import Goal, Interval, Objective, Point, Ranges, goal_of
 from ._optimum import Optimum, Sample, optimum_of
-from ._problem import Asked, Problem, Solved, given_problem, solved
+from ._problem import Problem, RequestedQuantity, Solved, checked_problem, solved
 
 if TYPE_CHECKING:
     import optax
@@ -38,7 +38,7 @@ def optimise(
     objective: Objective | None = None,
     *,
     maximise: bool | None = None,
-    constraints: Mapping[Asked, Interval] | None = None,
+    constraints: Mapping[RequestedQuantity, Interval] | None = None,
     starts: int | ArrayLike = 8,
     method: "str | optax.GradientTransformation | None" = None,
     max_steps: int = 100,
@@ -89,34 +89,36 @@ def optimise(
     if not isinstance(objective, str | Mapping | None) and not callable(objective):
         bound = 'one quantity by name, such as "motor_power", a function, or values to meet by name'
         raise BadInput("objective", str(objective), bound)
-    problem = given_problem(problem)
+    problem = checked_problem(problem)
     goal = goal_of(problem, objective, maximise, constraints)
-    chosen = method_of(method, goal)
-    given, count = _given_starts(starts, problem)
-    points = space(problem, goal.ranges, max(counted("samples", samples, 0), count), seed, given)
+    search_method = method_of(method, goal)
+    start_designs, count = _start_designs(starts, problem)
+    count_of_samples = max(counted("samples", samples, 0), count)
+    points = space(problem, goal.ranges, count_of_samples, seed, start_designs)
     search = Search(goal.problem, points, batch, max_steps, tolerance, callback, keep)
     goal, sample = search.sampled(goal)
-    begin = sample.starts(count) if given is None else given
-    descents = search.descents([(goal, start) for start in begin], chosen)
-    ends = [one.best for one in descents]
+    begin = sample.starts(count) if start_designs is None else start_designs
+    descents = search.descents([(goal, start) for start in begin], search_method)
+    ends = [descent.best for descent in descents]
     solvable = any(end.ok for end in ends)  # starts that were given may all fail
     if sample.best is None and solvable and not any(end.feasible for end in ends):
-        descents += search.nearest(goal, descents, chosen)
+        descents += search.nearest(goal, descents, search_method)
     return optimum_of(goal, sample, descents)
 
 
-def _given_starts(starts, problem: Problem) -> tuple[np.ndarray | None, int]:
+def _start_designs(starts, problem: Problem) -> tuple[np.ndarray | None, int]:
     """Designs to begin from, if they are given, and their number."""
     if isinstance(starts, int):
         return None, counted("starts", starts, high=10_000)
-    given = np.atleast_2d(np.asarray(starts, float))
-    if given.ndim != 2 or given.shape[1] != len(problem.variables):
-        raise BadInput("starts", given, f"of shape (starts, {len(problem.variables)})")
-    for one, column in zip(problem.variables, given.T, strict=True):
-        bad = column[~((column >= one.low) & (column <= one.high))]
+    designs = np.atleast_2d(np.asarray(starts, float))
+    if designs.ndim != 2 or designs.shape[1] != len(problem.variables):
+        raise BadInput("starts", designs, f"of shape (starts, {len(problem.variables)})")
+    for variable, column in zip(problem.variables, designs.T, strict=True):
+        bad = column[~((column >= variable.low) & (column <= variable.high))]
         if bad.size:
-            raise BadInput(f"starts.{one.name}", bad[0], f">= {one.low:g} and <= {one.high:g}")
-    return given, len(given)
+            bound = f">= {variable.low:g} and <= {variable.high:g}"
+            raise BadInput(f"starts.{variable.name}", bad[0], bound)
+    return designs, len(designs)
 
 
 def space(
@@ -124,8 +126,8 @@ def space(
 ) -> Float[np.ndarray, "n variables"]:
     """[SI] The given designs, or the present one if it lies inside the ranges, and an even sample."""
     if first is None:
-        now = np.asarray(problem.current)[None]
-        first = now[ranges.contain(now)]
+        present = np.asarray(problem.current)[None]
+        first = present[ranges.contain(present)]
     return np.concatenate([first, even_sample(ranges, count, seed)])
 
 
@@ -170,39 +172,47 @@ class Search:
         self.points = points
         self.max_steps = max_steps
         self.tolerance = tolerance
-        self.tell = callback or (lambda stage, done, most: None)
+        self.report = callback or (lambda stage, count, limit: None)
         parts = []
         at_once = max(batch, _AT_ONCE)
         for first in range(0, len(points), at_once):
             parts.append(self.solved(points[first : first + at_once], batch))
-            self.tell("sample", min(first + at_once, len(points)), len(points))
-        self.found = Solved(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-        if not np.any(self.found.ok):
+            self.report("sample", min(first + at_once, len(points)), len(points))
+        self.solutions = Solved(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        if not np.any(self.solutions.ok):
             details = f"none of {len(points)} designs could be solved"
             raise SolveFailed(Status.not_converged, details)
 
     def solved(self, points: Float[np.ndarray, "n variables"], batch: int = 1) -> Solved:
         """Solve designs, and let them be kept."""
-        found = solved(self.problem, points, batch)
+        answers = solved(self.problem, points, batch)
         if self.keep is not None:
-            self.keep(self.problem, points, found)
-        return found
+            self.keep(self.problem, points, answers)
+        return answers
 
     def sampled(self, goal: Goal) -> tuple[Goal, Sample]:
         """A goal in spreads of the quantities over the sample, and the sample as it judges it."""
-        values, ok, _ = self.found
+        values, ok, _ = self.solutions
         spread = values[ok].std(axis=0)
         size = np.abs(values[ok].mean(axis=0))
         # A quantity that does not change over the sample has no scale but its size.
         scale = np.where(spread <= 1e-12 * size, np.where(size > 0, size, 1.0), spread)
         goal = dataclasses.replace(goal, scale=scale, tolerance=self.tolerance)
-        rows = zip(self.points, *self.found, strict=True)
+        rows = zip(self.points, *self.solutions, strict=True)
         designs = [Point(goal, *row) for row in rows]
-        feasible = np.array([one.feasible for one in designs])
-        worth = np.array([one.f if one.feasible else np.inf for one in designs])
-        best = int(np.argmin(worth)) if feasible.any() else None
-        objective = np.array([one.objective for one in designs])
-        return goal, Sample(self.points, values, objective, ok, feasible, best)
+        feasible = np.array([design.feasible for design in designs])
+        best = None
+        if feasible.any():
+            best = int(np.argmin(np.where(feasible, [design.f for design in designs], np.inf)))
+        sample = Sample(
+            values=self.points,
+            quantities=values,
+            objective=np.array([design.objective for design in designs]),
+            ok=ok,
+            feasible=feasible,
+            best=best,
+        )
+        return goal, sample
 
     def nearest(self, goal: Goal, descents: Sequence[Descent], method: Method) -> list[Descent]:
         """Move from the design that breaks the constraints least to where they are kept, and on.
@@ -212,33 +222,32 @@ class Search:
             descents: that ended without.
             method: of the search once they are kept.
         """
-        solved_designs = [
-            Point(goal, goal.ranges.shares(design), *row)
-            for design, *row in zip(self.points, *self.found, strict=True)
-        ]
-        ends = [one.best for one in descents]
-        least = min([*ends, *solved_designs], key=lambda point: point.rank)
-        made = self.descents([(goal, goal.ranges.values(least.share))], keep_limits)
-        if made[0].best.feasible:
-            made += self.descents([(goal, goal.ranges.values(made[0].best.share))], method)
-        return made
+        solved_designs = []
+        for design, *solution in zip(self.points, *self.solutions, strict=True):
+            solved_designs.append(Point(goal, goal.ranges.shares(design), *solution))
+        ends = [descent.best for descent in descents]
+        nearest = min([*ends, *solved_designs], key=lambda point: point.rank)
+        repaired = self.descents([(goal, goal.ranges.values(nearest.share))], keep_limits)
+        if repaired[0].best.feasible:
+            repaired += self.descents([(goal, goal.ranges.values(repaired[0].best.share))], method)
+        return repaired
 
     def descents(self, begin: Sequence[tuple[Goal, np.ndarray]], method: Method) -> list[Descent]:
         """Move from all starts, one after the other, each to its goal."""
-        made = []
-        done = 0
+        descents = []
+        count = 0
 
         def solve(point):
-            nonlocal done
-            found = self.solved(point[None])
-            done += 1
-            self.tell("descent", done, self.max_steps * len(begin))
-            return [np.asarray(one)[0] for one in found]
+            nonlocal count
+            answer = self.solved(point[None])
+            count += 1
+            self.report("descent", count, self.max_steps * len(begin))
+            return [np.asarray(column)[0] for column in answer]
 
         with warnings.catch_warnings():
-            # which they are by a rounding
+            # SciPy warns of steps that leave the bounds, which they do by a rounding.
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
             for goal, start in begin:
-                made.append(Descent(goal, start, self.max_steps))
-                made[-1].run(method, solve)
-        return made
+                descents.append(Descent(goal, start, self.max_steps))
+                descents[-1].run(method, solve)
+        return descents

@@ -170,8 +170,9 @@ class Optimum(Result):
         """The quantities of this result in SI units; the table has the sample it was compared with."""
         problem = self.problem
         sample = self.sample
-        here, there = (np.array([*one.values()]) for one in (self.values, self.quantities))
-        yield from problem.columns(here, there, before=f"{self.label.lower()}.")
+        values = np.array([*self.values.values()])
+        quantities = np.array([*self.quantities.values()])
+        yield from problem.columns(values, quantities, before=f"{self.label.lower()}.")
         yield Data("status", "", self.status)
         yield Data("stationarity", "", self.stationarity)
         yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
@@ -184,16 +185,20 @@ class Optimum(Result):
         problem = self.problem
         sample = self.sample
         units = problem.unit_of
-        names = [one.name for one in problem.variables]
-        by_name = {"value": self.values, "gradient": self.gradient, "at_bound": self.at_bound}
+        names = [variable.name for variable in problem.variables]
+        constraints = []
+        for constraint in self.constraints:
+            constraints.append(constraint._asdict() | {"unit": units[constraint.name]})
         return {
             "variables": records(
                 name=names,
-                unit=[one.unit for one in problem.variables],
+                unit=[variable.unit for variable in problem.variables],
                 low=self.ranges.low,
                 high=self.ranges.high,
                 present=problem.current,
-                **{key: map(found.get, names) for key, found in by_name.items()},
+                value=map(self.values.get, names),
+                gradient=map(self.gradient.get, names),
+                at_bound=map(self.at_bound.get, names),
             ),
             "objective": {
                 "name": self.objective_name,
@@ -202,7 +207,7 @@ class Optimum(Result):
                 "present": self.present_objective,
                 "value": self.objective,
             },
-            "constraints": [one._asdict() | {"unit": units[one.name]} for one in self.constraints],
+            "constraints": constraints,
             **fields_of(self, "quantities", "status", "feasible", "stationarity", "verdict"),
             **fields_of(self, "local", "agreeing", "evaluations", "starts"),
             "sample": {
@@ -227,8 +232,10 @@ class Optimum(Result):
     def present_objective(self) -> float | None:
         """[SI] The objective of the design as it stands; `None` where it was not in the sample."""
         sample = self.sample
-        now = np.flatnonzero(np.all(sample.values == np.asarray(self.problem.current), axis=1))
-        return float(sample.objective[now[0]]) if now.size and sample.ok[now[0]] else None
+        places = np.flatnonzero(np.all(sample.values == np.asarray(self.problem.current), axis=1))
+        if not places.size or not sample.ok[places[0]]:
+            return None
+        return float(sample.objective[places[0]])
 
     def compare(self) -> Comparison | None:
         """The design as it stands beside the optimum.
@@ -236,8 +243,10 @@ class Optimum(Result):
         `None` where no quantity needs a periodic state of the crank; these are compared by themselves.
         """
         problem = self.problem
-        asked = self.problem.quantities
-        crank = any(not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in asked)
+        quantities = problem.quantities
+        crank = any(
+            not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in quantities
+        )
         if problem.design.compressor is None or not crank:
             return None
         designs = {"Present": problem.design, self.label: self.design}
@@ -248,14 +257,19 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
     """The result of starts that have ended."""
     problem = goal.problem
     ranges = goal.ranges
-    best = min(descents, key=lambda one: one.best.rank)
+    best = min(descents, key=lambda descent: descent.best.rank)
     end = best.best
     values = ranges.values(best.best.share)
-    verdict, local = _compared(sample, end)
-    names = [one.name for one in problem.variables]
+    verdict, local = _verdict(sample, end)
+    names = [variable.name for variable in problem.variables]
     # From spreads and shares of ranges back to SI.
     gradient = goal.unit * end.gradient / ranges.width
-    sides = {"low": end.share < 1e-4, "high": end.share > 1 - 1e-4}
+    at_bound = {}
+    for side, reached in (("low", end.share < 1e-4), ("high", end.share > 1 - 1e-4)):
+        at_bound |= dict.fromkeys(np.array(names)[reached].tolist(), side)
+    status = best.status
+    if end.ok and not end.feasible:
+        status = "no feasible design"
     return Optimum(
         problem=problem,
         ranges=ranges,
@@ -265,19 +279,17 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
         objective_name=goal.name,
         maximised=goal.sign < 0,
         quantities=dict(zip(problem.names, end.values.tolist(), strict=True)),
-        status=best.status if end.feasible or not end.ok else "no feasible design",
+        status=status,
         feasible=end.feasible,
         stationarity=end.stationarity,
         gradient=dict(zip(names, gradient.tolist(), strict=True)),
-        at_bound={
-            name: side for side, on in sides.items() for name in np.array(names)[on].tolist()
-        },
+        at_bound=at_bound,
         constraints=_constrained(end),
-        starts=tuple(_start(one, end) for one in descents),
+        starts=tuple(_start(descent, end) for descent in descents),
         sample=sample,
         verdict=verdict,
         local=local,
-        evaluations=sum(len(one.points) for one in descents),
+        evaluations=sum(len(descent.points) for descent in descents),
     )
 
 
@@ -301,7 +313,7 @@ def _start(descent: Descent, best: Point) -> Start:
     )
 
 
-def _compared(sample: Sample, end: Point) -> tuple[str, bool]:
+def _verdict(sample: Sample, end: Point) -> tuple[str, bool]:
     """The verdict, and whether a sample is better."""
     among = f"{len(sample.ok)} samples"
     if sample.best is None and not end.ok:
@@ -322,7 +334,9 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
     for number, limit in enumerate(end.goal.limits):
         over = float(end.limits.values[number])
         scale = float(end.goal.scale[limit.place])
-        broken = over if limit.side else abs(over)
+        violation = over if limit.side else abs(over)
+        if violation <= 10 * FEASIBLE:
+            violation = 0.0
         out.append(
             Constrained(
                 name=limit.name,
@@ -331,8 +345,8 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
                 value=float(end.values[limit.place]),
                 active=limit.side == 0 or bool(end.multipliers[number] > 0),
                 multiplier=end.price(number),
-                violation=broken if broken > 10 * FEASIBLE else 0.0,
-                excess=broken * scale if broken > 10 * FEASIBLE else 0.0,
+                violation=violation,
+                excess=violation * scale,
             )
         )
     return tuple(out)
@@ -341,9 +355,10 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
 def _missed(problem: Problem, constraints: Sequence[Constrained]) -> str:
     """Which constraints the nearest design breaks, and by how much."""
     parts = []
-    for one in constraints:
-        if one.violation:
-            look = shown(one.name, problem.unit_of[one.name], [one.bound, one.value])
-            limit = f"{one.name} {_SIGNS[one.side]} {look.text(one.bound)}"
-            parts.append(f"{limit} by {look.difference(one.excess, 3).lstrip('+')}")
+    for constraint in constraints:
+        if constraint.violation:
+            name = constraint.name
+            look = shown(name, problem.unit_of[name], [constraint.bound, constraint.value])
+            limit = f"{name} {_SIGNS[constraint.side]} {look.text(constraint.bound)}"
+            parts.append(f"{limit} by {look.difference(constraint.excess, 3).lstrip('+')}")
     return f"no design found within the ranges keeps its limits: the nearest breaks {' and '.join(parts)}"

@@ -6,15 +6,13 @@ import equinox as eqx
 from jaxtyping import Array, Bool, Complex
 
 from .._core.errors import BadInput
-from ..crank import (
-    Collocation,
-)
+from ..crank import Collocation
 
 if TYPE_CHECKING:
     from ..crank import Shooting
 
 
-class Read(NamedTuple):
+class Reading(NamedTuple):
     """Reading of a response, linear in it.
 
     Attributes:
@@ -30,14 +28,14 @@ class KnownResponse(eqx.Module):
     """Response of a rotor that itself does not change to loads.
 
     Attributes:
-        unit: `Read` with the batch (speeds, orders, nodes, dof), of one newton (newton metre) each.
-        fixed: `Read` with the batch (speeds, orders), of the forces that do not change either.
+        unit: `Reading` with the batch (speeds, orders, nodes, dof), of one newton (newton metre) each.
+        fixed: `Reading` with the batch (speeds, orders), of the forces that do not change either.
         ok: (speeds,)
         nodes: numbers of the nodes that are loaded; static.
     """
 
-    unit: Read
-    fixed: Read
+    unit: Reading
+    fixed: Reading
     ok: Bool[Array, " speeds"]
     nodes: tuple[int, ...] = eqx.field(static=True)
 
@@ -73,7 +71,7 @@ class AnalysisOptions(eqx.Module):
             raise BadInput("orders", str(self.orders), "whole numbers from 1")
 
 
-def given_options(options: Any) -> AnalysisOptions:
+def checked_options(options: Any) -> AnalysisOptions:
     """The options of an analysis, the usual ones if absent.
 
     Raises:

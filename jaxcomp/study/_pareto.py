@@ -16,7 +16,7 @@ from ._descent import BETTER, Descent, Method, method_of
 from ._goal import Goal, Interval, Limit, goal_of
 from ._optimise import Callback, Keep, Search, space
 from ._optimum import Optimum, optimum_of
-from ._problem import Asked, Problem, given_problem
+from ._problem import Problem, RequestedQuantity, checked_problem
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -70,9 +70,10 @@ class ParetoFront(Result):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the points of the front."""
         at = self.table_dims
-        units = (*(one.unit for one in self.ends[0].problem.variables), *self.units)
+        names = *self.variables, *self.names
+        units = *self._variable_units, *self.units
         columns = *self.values.T, *self.objectives.T
-        for name, unit, column in zip((*self.variables, *self.names), units, columns, strict=True):
+        for name, unit, column in zip(names, units, columns, strict=True):
             yield Data(name, unit, column, at)
         yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
         yield Data("dominated", "", self.dominated, at)
@@ -80,14 +81,13 @@ class ParetoFront(Result):
 
     def nested(self) -> dict[str, Any]:
         """Objectives, variables and points, and the sample in short."""
-        units = [one.unit for one in self.ends[0].problem.variables]
 
         def named(names, rows):
             return records(**dict(zip(names, rows.T, strict=True)))
 
         return {
             "objectives": records(name=self.names, unit=self.units, maximised=self.maximised),
-            "variables": records(name=self.variables, unit=units),
+            "variables": records(name=self.variables, unit=self._variable_units),
             "present": dict(zip(self.names, self.present, strict=True)),
             "points": records(
                 values=named(self.variables, self.values),
@@ -99,13 +99,17 @@ class ParetoFront(Result):
             **fields_of(self, "beaten_by", "evaluations"),
         }
 
+    @property
+    def _variable_units(self) -> list[str]:
+        return [variable.unit for variable in self.ends[0].problem.variables]
+
 
 def pareto(
     problem: Problem,
-    objectives: tuple[Asked, Asked] | None = None,
+    objectives: tuple[RequestedQuantity, RequestedQuantity] | None = None,
     *,
     maximise: tuple[bool | None, bool | None] = (None, None),
-    constraints: Mapping[Asked, Interval] | None = None,
+    constraints: Mapping[RequestedQuantity, Interval] | None = None,
     points: int = 12,
     starts: int = 8,
     max_steps: int = 100,
@@ -135,29 +139,36 @@ def pareto(
     """
     counted("points", points, 3, 10_000)
     counted("starts", starts, high=10_000)
-    problem = _with_all(given_problem(problem), objectives, maximise, constraints)
-    goals = [
-        goal_of(problem, *pair, constraints) for pair in zip(objectives, maximise, strict=True)
-    ]
-    method, ranges = method_of("slsqp", goals[0]), goals[0].ranges
+    problem = _with_all(checked_problem(problem), objectives, maximise, constraints)
+    goals = []
+    for objective, sense in zip(objectives, maximise, strict=True):
+        goals.append(goal_of(problem, objective, sense, constraints))
+    method = method_of("slsqp", goals[0])
+    ranges = goals[0].ranges
     designs = space(problem, ranges, max(samples, starts), seed)
     search = Search(goals[0].problem, designs, batch, max_steps, tolerance, callback, keep)
     ends, front = _ends(search, goals, method, starts)
     evaluations = sum(end.evaluations for end in ends)
-    # now with the spreads over the sample
-    goals = [one.goal for one in front]
-    places, signs = [one.objective for one in goals], np.array([one.sign for one in goals])
+    # The goals of the ends have the spreads over the sample.
+    goals = [descent.goal for descent in front]
+    places = [goal.objective for goal in goals]
+    signs = np.array([goal.sign for goal in goals])
     scale = goals[0].scale[places]
-    if abs(np.subtract(*(one.best.values[places[1]] for one in front))) > BETTER * scale[1]:
+    first, second = (descent.best.values[places[1]] for descent in front)
+    if abs(first - second) > BETTER * scale[1]:
         between = search.descents(_between(ends, front, points), method)
-        evaluations += sum(len(one.points) for one in between)
+        evaluations += sum(len(descent.points) for descent in between)
         front += between
     else:
+        # Both objectives are best in one design.
         front = front[:1]
     # from the best of the first objective to the best of the second
-    front.sort(key=lambda one: -signs[1] * one.best.values[places[1]])
-    reached = np.array([one.best.values[places] for one in front])
-    now = search.solved(problem.current[None])
+    front.sort(key=lambda descent: -signs[1] * descent.best.values[places[1]])
+    reached = np.array([descent.best.values[places] for descent in front])
+    present = np.full(2, np.nan)
+    current = search.solved(problem.current[None])
+    if current.ok[0]:
+        present = np.asarray(current.values)[0, places]
     sample = ends[0].sample.quantities[ends[0].sample.feasible][:, places]
     shown = signs * reached / scale
     beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
@@ -165,13 +176,13 @@ def pareto(
         names=(goals[0].name, goals[1].name),
         units=tuple(problem.units[place] for place in places),
         maximised=(goals[0].sign < 0, goals[1].sign < 0),
-        variables=tuple(one.name for one in problem.variables),
-        values=np.array([ranges.values(one.best.share) for one in front]),
+        variables=tuple(variable.name for variable in problem.variables),
+        values=np.array([ranges.values(descent.best.share) for descent in front]),
         objectives=reached,
-        exchange=np.array([_exchange(one, goals) for one in front]),
-        status=tuple(one.status for one in front),
+        exchange=np.array([_exchange(descent, goals) for descent in front]),
+        status=tuple(descent.status for descent in front),
         dominated=dominated(shown, BETTER),
-        present=np.asarray(now.values)[0, places] if now.ok[0] else np.full(2, np.nan),
+        present=present,
         sample=sample,
         beaten_by=int(np.any(beats, axis=1).sum()),
         ends=(ends[0], ends[1]),
@@ -207,7 +218,7 @@ def _ends(
     for goal, sample in map(search.sampled, goals):
         descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
         ends.append(optimum_of(goal, sample, descents))
-        front.append(min(descents, key=lambda one: one.best.rank))
+        front.append(min(descents, key=lambda descent: descent.best.rank))
         if not ends[-1].feasible:
             raise SolveFailed(Status.not_converged, ends[-1].verdict)
     return ends, front
@@ -219,7 +230,7 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
     Levels of one objective leave bare where the other one is steep: half the points have a level of
     the second objective, the others of the first.
     """
-    out = []
+    begin = []
     for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
         main = front[1 - held].goal
         other = front[held].goal
@@ -227,15 +238,19 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
         name = other.name
         place = other.objective
         sign = other.sign
-        for level in np.linspace(*(one.best.values[place] for one in front), count + 2)[1:-1]:
-            limits = *main.limits, Limit(name, place, sign, float(level))
+        first, second = (descent.best.values[place] for descent in front)
+        for level in np.linspace(first, second, count + 2)[1:-1]:
+            limit = Limit(name=name, place=place, side=sign, bound=float(level))
+            goal = dataclasses.replace(main, limits=(*main.limits, limit))
             # the best sample that keeps this level, or the end that does
-            kept = sample.feasible & (sign * (sample.quantities[:, place] - level) <= 0)
-            best = np.argmin(np.where(kept, sample.objective / main.unit, np.inf))
-            end = main.ranges.values(front[held].best.share)
-            start = sample.values[best] if kept.any() else end
-            out.append((dataclasses.replace(main, limits=limits), start))
-    return out
+            keeps_level = sample.feasible & (sign * (sample.quantities[:, place] - level) <= 0)
+            if keeps_level.any():
+                objective = np.where(keeps_level, sample.objective / main.unit, np.inf)
+                start = sample.values[np.argmin(objective)]
+            else:
+                start = main.ranges.values(front[held].best.share)
+            begin.append((goal, start))
+    return begin
 
 
 def _exchange(descent: Descent, goals: list[Goal]) -> float:

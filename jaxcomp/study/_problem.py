@@ -22,35 +22,36 @@ from ..cylinder import CycleOptions, Cylinder
 from ..cylinder.interface import Climb, is_piped, options_of
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
-from ._options import AnalysisOptions, given_options
+from ._options import AnalysisOptions, checked_options
 from ._rotor_response import by_crank, known_response
-from ._variables import Variable, by_name, changed, variable
+from ._variables import Variable, by_name, changed
+from ._variables import variable as find_variable
 
-Asked = str | Callable[[DesignResult], Float[Array, ""]]
+RequestedQuantity = str | Callable[[DesignResult], Float[Array, ""]]
 
 
-def name_of(asked: Asked) -> str:
+def name_of(quantity: RequestedQuantity) -> str:
     """Name of a quantity; a function goes by its own name."""
-    return asked if isinstance(asked, str) else asked.__name__
+    return quantity if isinstance(quantity, str) else quantity.__name__
 
 
-def unit_of(asked: Asked) -> str:
+def unit_of(quantity: RequestedQuantity) -> str:
     """SI unit of a quantity; empty for a function."""
-    return quantity_named(asked).unit if isinstance(asked, str) else ""
+    return quantity_named(quantity).unit if isinstance(quantity, str) else ""
 
 
-def value_of(asked: Asked, found: DesignResult) -> Float[Array, ""]:
+def value_of(quantity: RequestedQuantity, result: DesignResult) -> Float[Array, ""]:
     """[SI] A quantity of a design.
 
     Raises:
         BadInput: one that needs a part which the design does not have.
     """
-    if not isinstance(asked, str):
-        return asked(found)
-    one = quantity_named(asked)
-    if missing := one.missing(found.design):
-        raise MissingPart(one.name, missing)
-    return one.value(found)
+    if not isinstance(quantity, str):
+        return quantity(result)
+    registered = quantity_named(quantity)
+    if missing := registered.missing(result.design):
+        raise MissingPart(registered.name, missing)
+    return registered.value(result)
 
 
 class Answer(NamedTuple):
@@ -86,17 +87,18 @@ class Problem(eqx.Module):
 
     design: Machine
     variables: tuple[Variable, ...] = eqx.field(static=True)
-    quantities: tuple[Asked, ...] = eqx.field(static=True)
+    quantities: tuple[RequestedQuantity, ...] = eqx.field(static=True)
     options: AnalysisOptions
 
     def __repr__(self) -> str:
         rows = ["Problem"]
-        for one in self.variables:
-            if math.isinf(one.high - one.low):
-                rows.append(f"  variable  {one.name}, any value that it may have")
+        for variable in self.variables:
+            if math.isinf(variable.high - variable.low):
+                rows.append(f"  variable  {variable.name}, any value that it may have")
                 continue
-            look = shown(one.name, one.unit, [one.low, one.high])
-            rows.append(f"  variable  {one.name}, {look.text(one.low)} to {look.text(one.high)}")
+            look = shown(variable.name, variable.unit, [variable.low, variable.high])
+            ends = f"{look.text(variable.low)} to {look.text(variable.high)}"
+            rows.append(f"  variable  {variable.name}, {ends}")
         for name, unit in zip(self.names, self.units, strict=True):
             rows.append(f"  quantity  {with_unit(name, unit)}")
         return "\n".join(rows)
@@ -127,8 +129,8 @@ class Problem(eqx.Module):
 
     def columns(self, points, values, dims=(), before: str = "") -> Iterator[Data]:
         """Variables [SI] (*designs, variables) and quantities (*designs, quantities) of a result."""
-        names = (*(one.name for one in self.variables), *self.names)
-        units = (*(one.unit for one in self.variables), *self.units)
+        names = (*(variable.name for variable in self.variables), *self.names)
+        units = (*(variable.unit for variable in self.variables), *self.units)
         for name, unit, column in zip(names, units, (*points.T, *values.T), strict=True):
             yield Data(f"{before}{name}", unit, column, dims)
 
@@ -141,26 +143,26 @@ class Problem(eqx.Module):
         Raises:
             BadInput: a quantity that the scene does not have.
         """
-        found = DesignResult(self.designed(values), self.options)
-        out = [value_of(asked, found) for asked in self.quantities]
+        result = DesignResult(self.designed(values), self.options)
+        out = [value_of(quantity, result) for quantity in self.quantities]
         inside = jnp.asarray(True)
-        for number, one in enumerate(self.variables):
-            inside &= one.bound.holds(values[number])
+        for number, variable in enumerate(self.variables):
+            inside &= variable.bound.holds(values[number])
         values = jnp.stack([jnp.asarray(value, float) for value in out])
-        ok = found.ok & inside & jnp.all(jnp.isfinite(values))
-        status = Status.where(inside, found.status, Status.bad_input)
+        ok = result.ok & inside & jnp.all(jnp.isfinite(values))
+        status = Status.where(inside, result.status, Status.bad_input)
         unnamed = ~ok & (status == Status.converged)
         code = jnp.where(unnamed, UNNAMED, status._value)
-        events = jnp.where(inside, found.events_without_room, -1)
+        events = jnp.where(inside, result.events_without_room, -1)
         # out of bounds there is the slope of the nearest design, by which a search finds back
         values = only_of_solved(values, ok | ~inside)
-        return Answer(values, ok, events, code)
+        return Answer(values=values, ok=ok, events_without_room=events, status=code)
 
 
 def problem(
     scene: Machine | HasMachine,
     variables: Sequence[str] | dict[str, tuple[float | None, float | None]] | None = None,
-    quantities: Sequence[Asked] | None = None,
+    quantities: Sequence[RequestedQuantity] | None = None,
     options: AnalysisOptions | None = None,
 ) -> Problem:
     """A problem on a scene.
@@ -175,12 +177,12 @@ def problem(
         BadInput: an unknown variable or quantity, or an impossible range.
 
     >>> from jaxcomp import load, problem
-    >>> def swept_volume(found):
-    ...     return found.design.compressor.mechanism.swept_volume
-    >>> made = problem(load("mayekawa-wbhe"), ["mechanism.bore"], [swept_volume])
-    >>> print(f"{made(made.current).values[0]:.6f}")  # [m^3]
+    >>> def swept_volume(result):
+    ...     return result.design.compressor.mechanism.swept_volume
+    >>> by_bore = problem(load("mayekawa-wbhe"), ["mechanism.bore"], [swept_volume])
+    >>> print(f"{by_bore(by_bore.current).values[0]:.6f}")  # [m^3]
     0.001327
-    >>> print(f"{jax.grad(lambda x: made(x).values[0])(made.current)[0]:.5f}")  # [m^2]
+    >>> print(f"{jax.grad(lambda x: by_bore(x).values[0])(by_bore.current)[0]:.5f}")  # [m^2]
     0.02042
     """
     design = machine_of(scene)
@@ -197,18 +199,20 @@ def problem(
     for name, ends in ranges.items():
         if isinstance(ends, str) or np.shape(ends) != (2,):
             raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
-    chosen = tuple(variable(design, n, *ends) for n, ends in by_name(design, ranges).items())
-    made = Problem(design, chosen, tuple(quantities), given_options(options))
+    free_variables = tuple(
+        find_variable(design, name, *ends) for name, ends in by_name(design, ranges).items()
+    )
+    complete = Problem(design, free_variables, tuple(quantities), checked_options(options))
     # Refuses what the scene does not have before anything is compiled.
-    eqx.filter_eval_shape(made, jax.ShapeDtypeStruct((len(chosen),), float))
-    return made
+    eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(free_variables),), float))
+    return complete
 
 
 def problem_of(
     scene: Machine | HasMachine | Problem,
     label: str,
     names: Sequence[str],
-    quantities: Sequence[Asked] | None,
+    quantities: Sequence[RequestedQuantity] | None,
     options: AnalysisOptions | None,
 ) -> Problem:
     """The problem that a study is given as its scene, or one on that scene.
@@ -222,22 +226,22 @@ def problem_of(
         return problem(scene, names, quantities or ("mechanical_efficiency",), options)
     if quantities is not None or options is not None:
         raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
-    own = [one.name for one in scene.variables]
-    if list(names) != own:
-        raise BadInput(label, ", ".join(names), f"{', '.join(own)}, in this order")
+    expected = [variable.name for variable in scene.variables]
+    if list(names) != expected:
+        raise BadInput(label, ", ".join(names), f"{', '.join(expected)}, in this order")
     return scene
 
 
-def given_problem(given: Any) -> Problem:
+def checked_problem(argument: Any) -> Problem:
     """A problem, which an optimiser takes and a scene is not.
 
     Raises:
         BadInput: something else.
     """
-    if isinstance(given, Problem):
-        return given
+    if isinstance(argument, Problem):
+        return argument
     example = 'problem(scene, {"mechanism.bore": (0.12, 0.14)}, ["mechanical_efficiency"])'
-    raise BadInput("problem", f"a {type(given).__name__}", f"a `Problem`, such as {example}")
+    raise BadInput("problem", f"a {type(argument).__name__}", f"a `Problem`, such as {example}")
 
 
 def solves_gas(problem: Problem) -> bool:
@@ -308,13 +312,15 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
     rows = np.asarray(points)
     climb = climb_of(problem, len(rows), by_march=False)
     columns = []
-    for size, some in climb:
-        *answers, events = _in_batches(in_size(problem, size), rows[some], batch)
-        climb.note(some, events)
+    for size, subset in climb:
+        *answers, events = _in_batches(in_size(problem, size), rows[subset], batch)
+        climb.note(subset, events)
         if not columns:
             columns = answers
             continue
-        columns = [whole.at[some].set(part) for whole, part in zip(columns, answers, strict=True)]
+        columns = [
+            column.at[subset].set(entry) for column, entry in zip(columns, answers, strict=True)
+        ]
     return Solved(*columns)
 
 
@@ -324,9 +330,9 @@ def _in_batches(problem: Problem, rows, batch: int) -> list[Array]:
     # what `of_each` takes in turns is not filled up
     batch = 1 if solves_gas(problem) else batch
     for first in range(0, len(rows), batch):
-        some = rows[first : first + batch]
-        filled = np.concatenate([some, np.repeat(some[-1:], batch - len(some), 0)])
-        parts.append([a[: len(some)] for a in _answers(problem, jnp.asarray(filled))])
+        group = rows[first : first + batch]
+        filled = np.concatenate([group, np.repeat(group[-1:], batch - len(group), 0)])
+        parts.append([a[: len(group)] for a in _answers(problem, jnp.asarray(filled))])
     return [jnp.concatenate(column) for column in zip(*parts, strict=True)]
 
 
@@ -337,7 +343,7 @@ def _answers(problem: Problem, points):
     # Each direction costs about one more solution, forwards by variable and backwards by quantity.
     backwards |= len(problem.variables) > 4 * len(problem.quantities)
 
-    def one(point):
+    def with_slope(point):
         def values(point):
             answer = problem(point)
             return answer.values, answer
@@ -353,7 +359,7 @@ def _answers(problem: Problem, points):
         slope = jnp.where(jnp.isfinite(slope), slope, 0.0)
         return answer.values, ok, slope, answer.events_without_room
 
-    return of_each(one, problem, points)
+    return of_each(with_slope, problem, points)
 
 
 # Variables that change the loads of a rotor and not the rotor.
@@ -371,18 +377,20 @@ def prepared(problem: Problem) -> Problem:
     Args:
         problem: of `jaxcomp.problem`.
     """
-    asked = any(
+    shows_vibration = any(
         not isinstance(q, str) or "vibration" in quantity_named(q).needs for q in problem.quantities
     )
     if problem.options.known is not None:
         return problem
-    if not asked or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
+    if not shows_vibration or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
     crank = by_crank(assembled(problem.design), problem.options)
-    kept = _LOADS if crank else (*_LOADS, "loads.forces.")
+    loads = _LOADS if crank else (*_LOADS, "loads.forces.")
     names = [v.name for v in problem.variables]
     names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
-    if not all(name.startswith(kept) for name in names):
+    if not all(name.startswith(loads) for name in names):
         return problem
-    known = known_response(problem.design, problem.options)
-    return eqx.tree_at(lambda p: p.options.known, problem, known, is_leaf=lambda x: x is None)
+    unit_response = known_response(problem.design, problem.options)
+    return eqx.tree_at(
+        lambda p: p.options.known, problem, unit_response, is_leaf=lambda x: x is None
+    )

@@ -26,7 +26,7 @@ from ..rotor import (
 from ..rotor.interface import load_vector, node_names
 from ..vibration import crank_loads, running_rotor
 from ..vibration.interface import CrankLoads
-from ._options import AnalysisOptions, KnownResponse, Read
+from ._options import AnalysisOptions, KnownResponse, Reading
 
 
 class Vibration(NamedTuple):
@@ -105,7 +105,7 @@ def known_vibration(
 
     # Letters: speed, order, node and its direction d, row of a target, link and its axis a.
     force = jax.vmap(at)(places_of(machine).speeds)
-    read = Read(
+    read = Reading(
         unit_response.fixed.targets
         + jnp.einsum("sondr,sond->sor", unit_response.unit.targets, force),
         unit_response.fixed.mounts
@@ -114,7 +114,7 @@ def known_vibration(
     return _vibration(read, unit_response.ok)
 
 
-def _vibration(read: Read, ok) -> Vibration:
+def _vibration(read: Reading, ok) -> Vibration:
     x, y = read.mounts[..., 0], read.mounts[..., 1]
     # the largest length over the revolution of the real vector with these complex amplitudes
     largest = (jnp.abs(x + 1j * y) + jnp.abs(x - 1j * y)) / 2
@@ -168,7 +168,7 @@ def known_response(design: Machine, options: AnalysisOptions) -> KnownResponse:
     return KnownResponse(unit, fixed, ok, nodes)
 
 
-def _read(model, places, response) -> Read:
+def _read(model, places, response) -> Reading:
     rows = []
     for target in places.targets:
         x = response.displacement[..., node_index(model, target.node), :]
@@ -177,4 +177,4 @@ def _read(model, places, response) -> Read:
         rows += [x[..., AXES[model.dof].index(axis)] for axis in target.axes]
     grounded = np.flatnonzero([None in link.nodes for link in model.links])
     force = transmitted_forces(model, response)[..., grounded, :2]
-    return Read(jnp.stack(rows, -1), force)
+    return Reading(jnp.stack(rows, -1), force)

@@ -87,8 +87,8 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
     >>> from jaxcomp import load, with_bore
     >>> machine = load("mayekawa-wbhe").machine
     >>> narrow = with_bore(machine, 0.120)
-    >>> for one in (machine.compressor, narrow.compressor):
-    ...     print(f"{one.mechanism.stroke:.4f} m, {1e6 * one.mechanism.swept_volume:.0f} cm3")
+    >>> for mechanism in (machine.compressor.mechanism, narrow.compressor.mechanism):
+    ...     print(f"{mechanism.stroke:.4f} m, {1e6 * mechanism.swept_volume:.0f} cm3")
     0.1000 m, 1327 cm3
     0.1173 m, 1327 cm3
     """
@@ -109,9 +109,10 @@ def with_bore(machine: _Machine, bore: Float[Array, ""]) -> _Machine:
             conrod_mass=mechanism.conrod_mass * scale,
             conrod_inertia=mechanism.conrod_inertia * scale**2,
         )
-    several = _compressor(machine).crankshaft.count > 1
-    alike = several or isinstance(mechanism, SliderLink)
-    share = scaled.half_balance / mechanism.half_balance if alike else scale**2
+    # One slider-crank balances the rod's rotating moment, which goes with the square of the scale.
+    share = scale**2
+    if _compressor(machine).crankshaft.count > 1 or isinstance(mechanism, SliderLink):
+        share = scaled.half_balance / mechanism.half_balance
     return _with_unbalances(_with_compressor(machine, mechanism=scaled), share)
 
 
@@ -122,19 +123,25 @@ def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
     shaft = rebuilt(
         _scaled(shaft, ("unbalance", "shaft_unbalance", "shaft_couple"), share), throws=throws
     )
-    made = _with_compressor(machine, crankshaft=shaft)
-    case = made.parts.get("loads") if isinstance(made, Machine) else None
+    scaled = _with_compressor(machine, crankshaft=shaft)
+    case = scaled.parts.get("loads") if isinstance(scaled, Machine) else None
     if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
-        return made
-    where = lambda m: [table.magnitude for table in m.parts["loads"].unbalances]  # noqa: E731
-    return eqx.tree_at(where, made, [size * share for size in where(made)])
+        return scaled
+
+    def magnitudes(machine):
+        return [table.magnitude for table in machine.parts["loads"].unbalances]
+
+    return eqx.tree_at(magnitudes, scaled, [size * share for size in magnitudes(scaled)])
 
 
 def _scaled(part, names: tuple[str, ...], factor: Float[Array, ""]):
-    """A part with those of its numbers that are fields and given times a factor."""
-    fields = {field.name for field in dataclasses.fields(part)} & set(names)
-    given = {name: getattr(part, name) for name in fields}
-    return replaced(part, **{name: v * factor for name, v in given.items() if v is not None})
+    """A part with those of its numbers that it has times a factor."""
+    changes = {}
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name)
+        if field.name in names and value is not None:
+            changes[field.name] = value * factor
+    return replaced(part, **changes)
 
 
 def with_stroke_bore_ratio(machine: _Machine, ratio: Float[Array, ""]) -> _Machine:
@@ -209,11 +216,11 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
     scale = jnp.cbrt(volume / _similar_volume(machine))
 
     def similar(part, path=""):
-        changes: dict[str, Any] = {
-            name: getattr(part, name) * scale ** _LENGTHS.get(field.metadata["unit"], 0)
-            for name, field in quantities(part)
-            if getattr(part, name) is not None and f"{path}{name}" != "gas.leakage.gap"
-        }
+        changes: dict[str, Any] = {}
+        for name, field in quantities(part):
+            value = getattr(part, name)
+            if value is not None and f"{path}{name}" != "gas.leakage.gap":
+                changes[name] = value * scale ** _LENGTHS.get(field.metadata["unit"], 0)
         for field in dataclasses.fields(part):
             child = getattr(part, field.name)
             if isinstance(child, Part):
@@ -222,37 +229,58 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
                 changes[field.name] = tuple(similar(c) for c in child)
         return rebuilt(part, **changes)
 
-    made = _compressor(machine)
-    parts = {
-        field.name: similar(getattr(made, field.name), f"{field.name}.")
-        for field in dataclasses.fields(made)
-        if isinstance(getattr(made, field.name), Part)
-    }
+    compressor = _compressor(machine)
+    parts = {}
+    for field in dataclasses.fields(compressor):
+        part = getattr(compressor, field.name)
+        if isinstance(part, Part):
+            parts[field.name] = similar(part, f"{field.name}.")
     machine = _with_compressor(machine, **parts)
     if isinstance(machine, Machine) and machine.bearings:
-        bearings = {name: similar(one) for name, one in machine.bearings.items()}
+        bearings = {name: similar(bearing) for name, bearing in machine.bearings.items()}
         machine = eqx.tree_at(lambda m: m.bearings, machine, bearings)
     return machine
 
 
-# What the rules move first.
-_ENTRIES = {"bore_at_displacement": "mechanism.bore", "offset": "mechanism.offset"}
 design_rules: dict[str, DesignRule] = {
-    name: DesignRule(*rule, DESIGN_RULES[name], _ENTRIES.get(name, ""))
-    for name, rule in {
-        "bore_at_displacement": (with_bore, lambda machine: _ruled(machine).bore, "m", POSITIVE),
-        "stroke_bore_ratio": (
-            with_stroke_bore_ratio, lambda machine: _ratio(machine), "", POSITIVE,
-        ),
-        "offset": (with_offset, lambda machine: _ruled(machine).offset, "m", ANY),
-        "piston_clearance": (
-            with_piston_clearance, lambda machine: _film(machine).radial_clearance, "m", POSITIVE,
-        ),
-        "similar_swept_volume": (
-            with_swept_volume, lambda machine: _similar_volume(machine), "m^3", POSITIVE,
-        ),
-    }.items()
-}  # fmt: skip
+    "bore_at_displacement": DesignRule(
+        apply=with_bore,
+        current=lambda machine: _ruled(machine).bore,
+        unit="m",
+        bound=POSITIVE,
+        doc=DESIGN_RULES["bore_at_displacement"],
+        entry="mechanism.bore",
+    ),
+    "stroke_bore_ratio": DesignRule(
+        apply=with_stroke_bore_ratio,
+        current=lambda machine: _ratio(machine),
+        unit="",
+        bound=POSITIVE,
+        doc=DESIGN_RULES["stroke_bore_ratio"],
+    ),
+    "offset": DesignRule(
+        apply=with_offset,
+        current=lambda machine: _ruled(machine).offset,
+        unit="m",
+        bound=ANY,
+        doc=DESIGN_RULES["offset"],
+        entry="mechanism.offset",
+    ),
+    "piston_clearance": DesignRule(
+        apply=with_piston_clearance,
+        current=lambda machine: _film(machine).radial_clearance,
+        unit="m",
+        bound=POSITIVE,
+        doc=DESIGN_RULES["piston_clearance"],
+    ),
+    "similar_swept_volume": DesignRule(
+        apply=with_swept_volume,
+        current=lambda machine: _similar_volume(machine),
+        unit="m^3",
+        bound=POSITIVE,
+        doc=DESIGN_RULES["similar_swept_volume"],
+    ),
+}
 
 
 def _similar_volume(machine) -> Float[Array, ""]:
@@ -282,16 +310,16 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
 def _compressor(machine: Machine | Compressor) -> Compressor:
     if not isinstance(machine, Machine | Compressor):
         raise no_machine(machine, ".machine")
-    found = machine.compressor if isinstance(machine, Machine) else machine
-    if found is None:
+    compressor = machine.compressor if isinstance(machine, Machine) else machine
+    if compressor is None:
         raise BadInput("compressor", "absent", "given, for this design rule")
-    return found
+    return compressor
 
 
 def _with_compressor(machine: _Machine, **changes) -> _Machine:
     if isinstance(machine, Machine):
-        made = replaced(_compressor(machine), **changes)
-        return eqx.tree_at(lambda m: m.compressor, machine, made)
+        compressor = replaced(_compressor(machine), **changes)
+        return eqx.tree_at(lambda m: m.compressor, machine, compressor)
     return replaced(machine, **changes)
 
 
@@ -304,9 +332,9 @@ def _ruled(machine: Machine | Compressor) -> SliderCrank | SliderLink:
     """The mechanism, if it is one that the rules know."""
     mechanism = _compressor(machine).mechanism
     if not isinstance(mechanism, SliderCrank | SliderLink):
-        given = getattr(mechanism, "kind", type(mechanism).__name__)
+        kind = getattr(mechanism, "kind", type(mechanism).__name__)
         bound = "a slider_crank or a slider_link, for which this rule is made"
-        raise BadInput("mechanism", given, bound)
+        raise BadInput("mechanism", kind, bound)
     for name in listed(mechanism):
         bound = "one number for all cylinders, for which this rule is made"
         raise BadInput(f"mechanism.{name}", getattr(mechanism, name), bound)

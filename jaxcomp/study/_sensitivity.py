@@ -19,8 +19,8 @@ from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
 from ._analysis import DesignResult
 from ._labels import variable_label
-from ._options import AnalysisOptions, given_options
-from ._problem import Asked, name_of, unit_of, value_of
+from ._options import AnalysisOptions, checked_options
+from ._problem import RequestedQuantity, name_of, unit_of, value_of
 from ._variables import given_numbers
 
 # [-] An elasticity below this is rounding.
@@ -210,7 +210,7 @@ def _counts(influence: Influence) -> bool:
 
 def sensitivity(
     scene: Machine | HasMachine,
-    quantities: Sequence[Asked] | None = None,
+    quantities: Sequence[RequestedQuantity] | None = None,
     *,
     options: AnalysisOptions | None = None,
 ) -> Sensitivity:
@@ -238,7 +238,7 @@ def sensitivity(
     listed_names("quantities", quantities)
     design = machine_of(scene)
     requested = tuple(quantities or ("mechanical_efficiency",))
-    options = given_options(options)
+    options = checked_options(options)
     compressor = design.compressor
     if (
         options.solver is None
@@ -271,7 +271,7 @@ def sensitivity(
 
 @eqx.filter_jit
 def _solved(
-    design: Machine, requested: tuple[Asked, ...], options: AnalysisOptions
+    design: Machine, requested: tuple[RequestedQuantity, ...], options: AnalysisOptions
 ) -> tuple[Float[np.ndarray, " quantities"], Bool[np.ndarray, ""], Machine]:
     """Values [SI], whether they hold, and their derivatives in the place of every number."""
     moving, fixed = eqx.partition(design, eqx.is_inexact_array)

@@ -3,6 +3,7 @@ r"""The numbers of a machine that a study changes: by name, by pattern, and in w
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
@@ -18,7 +19,7 @@ from ..fluid import Mixture
 from ..machine import Machine, follows_rotor
 from ._rules import design_rules
 
-_Given = TypeVar("_Given")
+_Entry = TypeVar("_Entry")
 
 CORRECTIONS = "corrections"
 # Sections of parts that have names, and those with names that the user gave.
@@ -74,7 +75,10 @@ class Variable(NamedTuple):
         plane, polar = _polar(self.name)
         if polar:
             magnitude, angle = _polar_of(design.corrections[plane])
-            magnitude, angle = (magnitude, value) if polar == "angle" else (value, angle)
+            if polar == "angle":
+                angle = value
+            else:
+                magnitude = value
             new = magnitude * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
             return eqx.tree_at(lambda d: d.corrections[plane], design, new)
         if _fraction(design, self.name) is not None:
@@ -113,10 +117,10 @@ def changed(
     """
     mixtures: dict[tuple[str, ...], dict[str, Any]] = {}
     kinds: dict[tuple[str, ...], str] = {}
-    for number, one in enumerate(variables):
-        fraction = _fraction(design, one.name) if isinstance(one, Variable) else None
+    for number, change in enumerate(variables):
+        fraction = _fraction(design, change.name) if isinstance(change, Variable) else None
         if fraction is None:
-            design = one.apply(design, values[number])
+            design = change.apply(design, values[number])
         else:
             place = fraction.place
             if kinds.setdefault(place, fraction.kind) != fraction.kind:
@@ -175,7 +179,7 @@ def variable(
     high = bound.high if high is None else float(high)
     if not low <= high:
         raise BadInput(name, f"({low:g}, {high:g})", "a range (low, high), the lower end first")
-    return Variable(name, low, high, unit, limit)
+    return Variable(name=name, low=low, high=high, unit=unit, bound=limit)
 
 
 def variable_names(design: Machine) -> list[str]:
@@ -190,11 +194,9 @@ def variable_names(design: Machine) -> list[str]:
     for path, tree in _roots(design).items():
         names += [f"{path}{name}" for name in _numbers(tree)]
     names = [name for name in names if not _follows(design, name)]
-    return names + [
-        f"{CORRECTIONS}.{plane}.{axis}"
-        for plane in design.corrections
-        for axis in ("x", "y", *_POLAR)
-    ]
+    for plane in design.corrections:
+        names += [f"{CORRECTIONS}.{plane}.{axis}" for axis in ("x", "y", *_POLAR)]
+    return names
 
 
 def matching(design: Machine, path: str) -> list[str]:
@@ -209,24 +211,29 @@ def matching(design: Machine, path: str) -> list[str]:
     if not any(sign in path for sign in "*?["):
         variable(design, path)  # raises what is no number
         return [path]
-    out = []
+    matches = []
     for name in variable_names(design):
         entries = [f"{name}.{n}" for n in range(list_length(design, name))]
         fitting = [entry for entry in entries if fnmatchcase(entry, path)]
-        out += fitting or ([name] if fnmatchcase(name, path) else [])
-    if not out:
+        if not fitting and fnmatchcase(name, path):
+            fitting = [name]
+        matches += fitting
+    if not matches:
         meant = hint(path, variable_names(design))
         raise BadInput(path, path, f"a pattern that fits a number of this machine{meant}")
-    return out
+    return matches
 
 
-def by_name(design: Machine, given: Mapping[str, _Given]) -> dict[str, _Given]:
+def by_name(design: Machine, entries: Mapping[str, _Entry]) -> dict[str, _Entry]:
     """Entries given by path or pattern, by name of the number; where several fit, the last counts.
 
     Raises:
         BadInput: see `matching`.
     """
-    return {name: value for path, value in given.items() for name in matching(design, path)}
+    by_number = {}
+    for path, value in entries.items():
+        by_number |= dict.fromkeys(matching(design, path), value)
+    return by_number
 
 
 def list_length(design: Machine, name: str) -> int:
@@ -270,7 +277,12 @@ def _fraction(design: Machine, name: str) -> _Fraction | None:
     if not isinstance(fluid, Mixture):
         return None
     components = fluid.components or ()
-    return _Fraction(fluid, tuple(place), kind, components[fluid.place_of(component)])
+    return _Fraction(
+        fluid=fluid,
+        place=tuple(place),
+        kind=kind,
+        component=components[fluid.place_of(component)],
+    )
 
 
 def is_fraction(design: Machine, name: str) -> bool:
@@ -282,15 +294,18 @@ def is_fraction(design: Machine, name: str) -> bool:
 
 
 def _follows(design: Machine, name: str) -> bool:
-    root, *rest = name.split(".")
-    own = rest[:1] if rest[:1] != ["throws"] else rest[2:]
-    return root == "crankshaft" and bool({*own} & {*OF_ROTOR, "position"}) and follows_rotor(design)
+    section, *path = name.split(".")
+    # of a throw what stands behind "throws" and its number
+    fields = path[2:] if path[:1] == ["throws"] else path[:1]
+    if section != "crankshaft" or {*OF_ROTOR, "position"}.isdisjoint(fields):
+        return False
+    return follows_rotor(design)
 
 
 def _polar(name: str) -> tuple[str, str]:
     """Plane and polar coordinate of a correction that is named by one; twice `""` otherwise."""
-    root, _, rest = name.partition(".")
-    plane, _, polar = rest.rpartition(".")
+    root, _, path = name.partition(".")
+    plane, _, polar = path.rpartition(".")
     return (plane, polar) if root == CORRECTIONS and polar in _POLAR else ("", "")
 
 
@@ -316,8 +331,10 @@ def _numbers(tree: Part | tuple) -> Iterator[str]:
     for name, child in children:
         if eqx.is_array(child):
             yield str(name)
-        elif any(isinstance(c, Part) for c in (child if isinstance(child, tuple) else (child,))):
-            yield from (f"{name}.{rest}" for rest in _numbers(child))
+            continue
+        parts = child if isinstance(child, tuple) else (child,)
+        if any(isinstance(part, Part) for part in parts):
+            yield from (f"{name}.{path}" for path in _numbers(child))
 
 
 def _roots(design):
@@ -339,8 +356,10 @@ def walk(design: Machine, steps: Sequence[str]) -> Any:
     if not steps:
         return design.compressor
     sections = {name: getattr(design, name) for name in SECTIONS} | design.parts
-    first, *rest = steps
-    return at(sections[first], rest) if first in sections else at(design.compressor, steps)
+    section, *path = steps
+    if section in sections:
+        return at(sections[section], path)
+    return at(design.compressor, steps)
 
 
 def _declared(design: Machine, name: str) -> tuple[str, Bound]:
@@ -392,7 +411,14 @@ def _given_fraction(name: str, fraction: _Fraction) -> "GivenNumber":
     w = np.asarray(fluid.mass_fractions)
     up = np.eye(w.size)[fluid.place_of(fraction.component)]
     weight = (up - w) / (1 - value)
-    return GivenNumber(name, "", _SHARE, value, weight, (*fraction.place, fraction.kind))
+    return GivenNumber(
+        name=name,
+        unit="",
+        bound=_SHARE,
+        value=value,
+        weight=weight,
+        place=(*fraction.place, fraction.kind),
+    )
 
 
 class GivenNumber(NamedTuple):
@@ -430,7 +456,9 @@ class GivenNumber(NamedTuple):
         if is_fraction(design, self.name):
             return changed(design, [variable(design, self.name)], [value])
         old = np.asarray(self.at(design))
-        new = self.weight * value if self.factor else np.where(self.weight != 0, value, old)
+        new = np.where(self.weight != 0, value, old)
+        if self.factor:
+            new = self.weight * value
         steps = list(self.place)
         return eqx.tree_at(lambda d: walk(d, steps), design, jnp.asarray(new, float))
 
@@ -447,8 +475,14 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
     for plane, value in design.corrections.items():
         for axis, weight in zip("xy", np.eye(2), strict=True):
             name = f"{CORRECTIONS}.{plane}.{axis}"
-            number = float(weight @ value)
-            yield GivenNumber(name, "kg m", ANY, number, weight, (CORRECTIONS, plane))
+            yield GivenNumber(
+                name=name,
+                unit="kg m",
+                bound=ANY,
+                value=float(weight @ value),
+                weight=weight,
+                place=(CORRECTIONS, plane),
+            )
     for name in variable_names(design):
         if name in design_rules or name.startswith(f"{CORRECTIONS}."):
             continue
@@ -458,15 +492,18 @@ def given_numbers(design: Machine) -> Iterator[GivenNumber]:
         place = tuple(_steps(name))
         values = np.asarray(walk(design, list(place)))
         field = _field(design, list(place))
-        unit = field.metadata["unit"]
-        bound = field.metadata["bound"]
+        by_itself = partial(
+            GivenNumber, unit=field.metadata["unit"], bound=field.metadata["bound"], place=place
+        )
         same = values.size and np.all(values == values.flat[0])
         if values.ndim == 0 or (field.metadata["spread"] and same):
             weight = np.ones(values.shape)
-            yield GivenNumber(name, unit, bound, float(values.flat[0]), weight, place)
+            yield by_itself(name=name, value=float(values.flat[0]), weight=weight)
         elif values.ndim == 1 and len(values) <= _LIST:
             for number, weight in enumerate(np.eye(len(values))):
                 value = float(values[number])
-                yield GivenNumber(f"{name}.{number}", unit, bound, value, weight, place)
+                yield by_itself(name=f"{name}.{number}", value=value, weight=weight)
         else:
-            yield GivenNumber(name, "", ANY, 1.0, values, place, True)
+            yield GivenNumber(
+                name=name, unit="", bound=ANY, value=1.0, weight=values, place=place, factor=True
+            )

@@ -100,7 +100,8 @@ def accuracy(
         if study not in STUDIES:
             raise BadInput("study", study, f"one of {', '.join(STUDIES)}")
         study = STUDIES[study]
-    kind, design = study, machine_of(scene)
+    kind = study
+    design = machine_of(scene)
     name = quantity_name or kind.quantity
     if kind.unit is not None and name != kind.quantity:
         raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{kind.name}'")
@@ -112,41 +113,50 @@ def accuracy(
         raise BadInput("variable", variable, f"absent for the study '{kind.name}' of {name}")
     if excitation is None:
         excitation = _excitation(design, name, kind)
-    question = Question(design, name, variable or kind.variable, excitation)
+    question = Question(
+        design=design,
+        quantity=name,
+        variable=variable or kind.variable,
+        excitation=excitation,
+    )
     _check_parts(question, kind)
     plan = kind.make(question, thorough)
     progress = progress or (lambda label, number, total: None)
     total = len(plan.settings) + 1
     verified = kind.verified and design.compressor is not None and not of_film
     progress("reference", 0, total)
-    calls = _first_calls(question) if verified and kind.name != "quantities" else {}
-    reference, rows = plan.reference(), []
+    calls = {}
+    if verified and kind.name != "quantities":
+        calls = _first_calls(question)
+    reference = plan.reference()
+    rows = []
     for number, setting in enumerate(plan.settings, 1):
         progress(f"{setting.method}, {setting.label}", number, total)
         rows.append(measured(setting, reference))
         if keep is not None:
             keep(rows)
     report = Report(
-        kind.name,
-        getattr(scene, "name", "design"),
-        plan.name or name,
-        unit if plan.unit is None else plan.unit,
-        reference,
-        tuple(rows),
-        plan.note,
-        _verification(question) if verified else {},
-        calls,
+        study=kind.name,
+        scene=getattr(scene, "name", "design"),
+        quantity=plan.name or name,
+        unit=unit if plan.unit is None else plan.unit,
+        reference=reference,
+        rows=tuple(rows),
+        note=plan.note,
+        march=_verification(question) if verified else {},
+        calls=calls,
+        error=error,
     )
-    return replace(report, error=error, **plan.findings(rows, reference))
+    return replace(report, **plan.findings(rows, reference))
 
 
 def _check_parts(question: Question, kind: StudyKind) -> None:
     """Raise unless the machine has what the study needs."""
-    made = question.assembly
+    assembly = question.assembly
     lacks = ""
-    if kind.needs == "crank" and made.compressor is None:
+    if kind.needs == "crank" and assembly.compressor is None:
         lacks = "one that a machine without compressor has, such as 'response'"
-    if kind.needs == "rotor" and None in (made.rotor, made.loads, made.balancing):
+    if kind.needs == "rotor" and None in (assembly.rotor, assembly.loads, assembly.balancing):
         lacks = "one that the machine has: it needs a rotor with its planes"
     if lacks:
         raise BadInput("study", kind.name, lacks)
@@ -178,14 +188,14 @@ def _first_calls(question: Question) -> dict[str, Cost]:
     def gradient(design, options):
         return eqx.filter_value_and_grad(value)(design, options)
 
-    found = {}
+    costs = {}
     for name, function in (("value", value), ("value and gradient", gradient)):
         program = Program(function, *arguments)
         start = time.perf_counter()
         jax.block_until_ready(program(*arguments))
         first = program.seconds + time.perf_counter() - start
-        found[name] = Cost(first, program.timed(*arguments), program.lines)
-    return found
+        costs[name] = Cost(first, program.timed(*arguments), program.lines)
+    return costs
 
 
 def _verification(question: Question) -> dict[str, float]:
@@ -193,13 +203,14 @@ def _verification(question: Question) -> dict[str, float]:
     orbit = solve_orbit(question.crank, question.default_solver, verify=True)
     march = orbit.verification
     assert march is not None
+    # Losses over the work of the motor, or over themselves where it has none to speak of.
     work = max(abs(float(orbit.energy.motor_work)), float(orbit.energy.total_loss)) or 1.0
+    peaks = []
+    for name, error in march.peak_error.items():
+        peaks.append(abs(float(error)) / (float(orbit.peak_forces[name]) or 1.0))
     return {
         "speed": float(march.speed_error),
         "mechanical_efficiency": abs(float(march.efficiency_error)),
         "losses": sum(abs(float(e)) for e in march.loss_error.values()) / work,
-        "peak_forces": max(
-            abs(float(e)) / (float(orbit.peak_forces[name]) or 1.0)
-            for name, e in march.peak_error.items()
-        ),
+        "peak_forces": max(peaks),
     }

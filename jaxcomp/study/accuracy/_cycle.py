@@ -20,7 +20,7 @@ from ...compressor import Compressor
 from ...crankshaft import Crankshaft
 from ...cylinder import CycleOptions, Cylinder, solve_cycle
 from ...machine import Machine
-from .. import variable
+from .. import variable as find_variable
 from ..interface import variable_names as names_of
 from ._report import DerivativeCheck, Measurement, Reference
 from ._study import (
@@ -78,8 +78,13 @@ def cycle_study(question: Question, thorough: bool) -> Study:
     settings += _quasi_steady(question, machine, thorough)
     note = "the cycle at constant speed, with port inertia and quasi-steady"
     name = "indicated work, volumetric efficiency and their elasticities"
-    return Study(settings[0].reference, tuple(settings), note, name,
-                 findings=lambda rows, reference: {"derivatives": derivatives(rows)})  # fmt: skip
+    return Study(
+        reference=settings[0].reference,
+        settings=tuple(settings),
+        note=note,
+        name=name,
+        findings=lambda rows, reference: {"derivatives": derivatives(rows)},
+    )
 
 
 def one_cylinder(machine: Compressor | None) -> Any:
@@ -96,10 +101,10 @@ def one_cylinder(machine: Compressor | None) -> Any:
         raise BadInput("gas", kind_text(gas), "a cylinder with valves, for this study")
     shaft = machine.crankshaft
     return Compressor(
-        of_cylinder(machine.mechanism),
-        Crankshaft(shaft.inertia, shaft.mass),
-        machine.motor,
-        of_cylinder(gas),
+        mechanism=of_cylinder(machine.mechanism),
+        crankshaft=Crankshaft(shaft.inertia, shaft.mass),
+        motor=machine.motor,
+        gas=of_cylinder(gas),
     )
 
 
@@ -109,10 +114,12 @@ def derivatives(rows: Sequence[Measurement]) -> DerivativeCheck | None:
     `None` with quasi-steady ports.
     """
     label = _LABEL.format(CycleOptions().panel_nodes)
-    found = {row.task: row for row in rows if row.setting == label}
-    if "value" not in found or "gradient" not in found:
+    by_task = {row.task: row for row in rows if row.setting == label}
+    if "value" not in by_task or "gradient" not in by_task:
         return None
-    errors = [max(found[task].error, found[task].floor or 0.0) for task in ("value", "gradient")]
+    errors = [
+        max(by_task[task].error, by_task[task].floor or 0.0) for task in ("value", "gradient")
+    ]
     return DerivativeCheck(label, *errors)
 
 
@@ -126,14 +133,14 @@ def figures(machine: Any, options: CycleOptions, logs: jax.Array) -> Solved:
     """
     design = Machine(machine)
     for name, log in zip(variables(machine), logs, strict=True):
-        one = variable(design, name)
-        design = one.apply(design, one.current(design) * jnp.exp(log))
-    made: Any = design.compressor
-    speed = made.motor.speed_guess
-    cycle = solve_cycle(made.gas, made.mechanism, speed, options, throw=False)
+        changed_variable = find_variable(design, name)
+        design = changed_variable.apply(design, changed_variable.current(design) * jnp.exp(log))
+    compressor: Any = design.compressor
+    speed = compressor.motor.speed_guess
+    cycle = solve_cycle(compressor.gas, compressor.mechanism, speed, options, throw=False)
     count = cycle.passes if options.method == "march" else cycle.iterations
     value = jnp.stack([cycle.indicated_work, cycle.volumetric_efficiency])
-    return Solved(value, count, cycle.converged, cycle.status)
+    return Solved(value=value, iterations=count, ok=cycle.converged, status=cycle.status)
 
 
 def elasticities(machine: Any, options: CycleOptions) -> Solved:
@@ -149,8 +156,8 @@ def elasticities(machine: Any, options: CycleOptions) -> Solved:
 
 def variables(machine: Any) -> tuple[str, ...]:
     """Those of `VARIABLES` that a machine has: a check valve has no stiffness."""
-    known = names_of(Machine(machine))
-    return tuple(name for name in VARIABLES if name in known)
+    names = names_of(Machine(machine))
+    return tuple(name for name in VARIABLES if name in names)
 
 
 def unchanged(machine: Any) -> jax.Array:
@@ -175,8 +182,8 @@ class _March:
         """Elasticities by central differences of a step in the logarithm."""
         columns = []
         passes = 0
-        for own in step * np.eye(len(variables(self._machine))):
-            ends = [self.call(tolerance, logs).run() for logs in (own, -own)]
+        for shift in step * np.eye(len(variables(self._machine))):
+            ends = [self.call(tolerance, logs).run() for logs in (shift, -shift)]
             for end in ends:
                 if end.why:
                     return end
@@ -187,7 +194,8 @@ class _March:
 
     def fourth_order(self, tolerance: float) -> Solved:
         """Elasticities for a reference, without the error of the second order."""
-        near, far = (self.differences(tolerance, n * _REFERENCE_STEP) for n in (1, 2))
+        near = self.differences(tolerance, _REFERENCE_STEP)
+        far = self.differences(tolerance, 2 * _REFERENCE_STEP)
         if near.why or far.why:
             return near if near.why else far
         # The error of central differences goes with the square of the step, which this removes.
@@ -195,8 +203,15 @@ class _March:
 
     def settings(self, task: str, reference: Any, thorough: bool) -> list[Setting]:
         """Its settings by tolerance."""
-        return series(f"{task}, march", "tolerance={:g}", self.call, _TOLERANCES[thorough], digits,
-                      reference=reference, task=task)  # fmt: skip
+        return series(
+            f"{task}, march",
+            "tolerance={:g}",
+            self.call,
+            _TOLERANCES[thorough],
+            digits,
+            reference=reference,
+            task=task,
+        )
 
 
 def _inert(question: Question, machine: Any, thorough: bool) -> list[Setting]:
@@ -215,50 +230,73 @@ def _inert(question: Question, machine: Any, thorough: bool) -> list[Setting]:
     of_gradient = _reference(
         question, lambda: gradient(_FINE_NODES).run(), lambda: marched.fourth_order(_TIGHT)
     )
-    made: list[Setting] = []
-    for task, call, own in (("value", values, of_values), ("gradient", gradient, of_gradient)):
-        made += series(f"{task}, collocation", _LABEL, call, _NODES[thorough], float,
-                       reference=own, task=task)  # fmt: skip
-    return made + marched.settings("value", of_values, thorough)
+    settings: list[Setting] = []
+    for task, call, reference in (
+        ("value", values, of_values),
+        ("gradient", gradient, of_gradient),
+    ):
+        settings += series(
+            f"{task}, collocation",
+            _LABEL,
+            call,
+            _NODES[thorough],
+            float,
+            reference=reference,
+            task=task,
+        )
+    return settings + marched.settings("value", of_values, thorough)
 
 
 def _quasi_steady(question: Question, machine: Any, thorough: bool) -> list[Setting]:
     """The march for values, and differences of it for derivatives, which forward mode refuses."""
-    valves = {
-        name: replaced(getattr(machine.gas, name), port_length=None)
-        for name in ("suction_valve", "discharge_valve")
-    }
+    valves = {}
+    for name in ("suction_valve", "discharge_valve"):
+        valves[name] = replaced(getattr(machine.gas, name), port_length=None)
     machine = replaced(machine, gas=replaced(machine.gas, **valves))
     marched = _March(machine)
-    tolerances = _TIGHT, _LESS_TIGHT
 
     def value_at(tolerance: float) -> Solved:
         return marched.call(tolerance).run()
 
-    of_values = _reference(question, *(partial(value_at, own) for own in tolerances))
-    of_gradient = _reference(question, *(partial(marched.fourth_order, own) for own in tolerances))
+    of_values = _reference(question, partial(value_at, _TIGHT), partial(value_at, _LESS_TIGHT))
+    of_gradient = _reference(
+        question,
+        partial(marched.fourth_order, _TIGHT),
+        partial(marched.fourth_order, _LESS_TIGHT),
+    )
     task = "quasi-steady gradient"
-    refused = Setting(f"{task}, forward mode", "default",
-                      lambda: Compiled(elasticities).call(machine, CycleOptions()),
-                      reference=of_gradient, task=task)  # fmt: skip
-    made = [*marched.settings("quasi-steady value", of_values, thorough), refused]
+    refused = Setting(
+        method=f"{task}, forward mode",
+        label="default",
+        prepare=lambda: Compiled(elasticities).call(machine, CycleOptions()),
+        reference=of_gradient,
+        task=task,
+    )
+    settings = [*marched.settings("quasi-steady value", of_values, thorough), refused]
     for tolerance in (1e-6, float(CycleOptions().value_tolerance)):
 
         def differences(step, tolerance=tolerance):
             return Call(partial(marched.differences, tolerance, step))
 
         label = f"tolerance={tolerance:g} step={{:g}}"
-        made += series(f"{task}, differences", label, differences, _STEPS[thorough],
-                       candidate=False, reference=of_gradient, task=task)  # fmt: skip
-    return made
+        settings += series(
+            f"{task}, differences",
+            label,
+            differences,
+            _STEPS[thorough],
+            candidate=False,
+            reference=of_gradient,
+            task=task,
+        )
+    return settings
 
 
 def _reference(question: Question, *methods: Callable[[], Solved]) -> Callable[[], Reference]:
     """The reference by two methods, which are run once, when it is first needed."""
 
     @cache
-    def found() -> Reference:
+    def reference() -> Reference:
         first, second = (known_value(question, method()) for method in methods)
-        return Reference(first, second, _METHODS, True)
+        return Reference(value=first, other=second, methods=_METHODS, each=True)
 
-    return found
+    return reference

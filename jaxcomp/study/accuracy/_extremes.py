@@ -108,7 +108,9 @@ class Extremes(Result):
     def share_with_valves(self) -> tuple[int, int] | None:
         """Cycles with valves that have an answer, and of how many; `None` for a machine without."""
         cycles = [case for case in self.cases if case.family in WITH_VALVES]
-        return (sum(case.answered for case in cycles), len(cycles)) if cycles else None
+        if not cycles:
+            return None
+        return sum(case.answered for case in cycles), len(cycles)
 
     def nested(self) -> dict[str, Any]:
         """All cases, with the computer that they were measured on."""
@@ -145,16 +147,17 @@ def extremes(
         if name not in FAMILIES:
             raise BadInput("family", name, f"one of {', '.join(FAMILIES)}")
     assembly = assembled(machine_of(scene))
-    found = []
+    cases = []
     for number, name in enumerate(names):
         if progress is not None:
             progress(name, number, len(names))
         family = FAMILIES[name]
         if family is None:
-            found += _near_singular(name, assembly)
+            cases += _near_singular(name, assembly)
         elif assembly.compressor is not None:
-            found += (family.solve(name, *one) for one in family.machines(assembly.compressor))
-    return Extremes(getattr(scene, "name", "design"), tuple(found))
+            for setting, machine in family.machines(assembly.compressor):
+                cases.append(family.solve(name, setting, machine))
+    return Extremes(getattr(scene, "name", "design"), tuple(cases))
 
 
 class Family(NamedTuple):
@@ -188,9 +191,12 @@ def _with_rod(compressor: Compressor, ratio: float) -> Compressor:
     mechanism: Any = compressor.mechanism
     length = mechanism.crank_radius / ratio
     share = length / mechanism.conrod_length
-    numbers = (length, mechanism.conrod_centre * share, mechanism.conrod_inertia * share**2)
-    where = lambda m: (m.conrod_length, m.conrod_centre, m.conrod_inertia)  # noqa: E731
-    return replaced(compressor, mechanism=eqx.tree_at(where, mechanism, numbers))
+    mechanism = eqx.tree_at(
+        lambda m: (m.conrod_length, m.conrod_centre, m.conrod_inertia),
+        mechanism,
+        (length, mechanism.conrod_centre * share, mechanism.conrod_inertia * share**2),
+    )
+    return replaced(compressor, mechanism=mechanism)
 
 
 def with_slip(compressor: Compressor, slip: float) -> Compressor | None:
@@ -274,65 +280,79 @@ def _cycle_solved(family: str, setting: str, compressor: Compressor) -> Extreme:
         status = "converged, but the march that verifies it did not end"
     good = status == Status[Status.converged]
     return Extreme(
-        family,
-        setting,
-        status,
-        float(cycle.volumetric_efficiency),
-        max(errors) if good else float("inf"),
-        None,
-        None,
-        int(cycle.iterations),
-        median_time(lambda: solve_cycle(*arguments, throw=False)),
+        family=family,
+        setting=setting,
+        status=status,
+        value=float(cycle.volumetric_efficiency),
+        error=max(errors) if good else float("inf"),
+        speed_error=None,
+        margin=None,
+        iterations=int(cycle.iterations),
+        seconds=median_time(lambda: solve_cycle(*arguments, throw=False)),
     )
 
 
 FAMILIES: dict[str, Family | None] = {
     # connecting rods hardly longer than the crank
     "steep rod": Family(
-        "r/l = {:g}",
-        (0.3, 0.5, 0.7, 0.85, 0.95),
-        _with_rod,
-        lambda compressor: isinstance(compressor.mechanism, SliderCrank),
+        label="r/l = {:g}",
+        numbers=(0.3, 0.5, 0.7, 0.85, 0.95),
+        change=_with_rod,
+        has=lambda compressor: isinstance(compressor.mechanism, SliderCrank),
     ),
     # friction that grows until the joints lock
     "near locking": Family(
-        "coefficients x {:g}",
-        (2.0, 4.0, 8.0, 16.0, 32.0, 40.0, 64.0),
-        _times(".coefficient"),
-        lambda compressor: scaled(compressor, ".coefficient", 1.0)[1],
+        label="coefficients x {:g}",
+        numbers=(2.0, 4.0, 8.0, 16.0, 32.0, 40.0, 64.0),
+        change=_times(".coefficient"),
+        has=lambda compressor: scaled(compressor, ".coefficient", 1.0)[1],
     ),
     # crank inertias so small that the crank all but stalls at the end of the compression
     "near stall": Family(
-        "crank inertia x {:g}", (0.3, 0.1, 0.03, 0.01, 3e-3), _times(".crankshaft.inertia")
+        label="crank inertia x {:g}",
+        numbers=(0.3, 0.1, 0.03, 0.01, 3e-3),
+        change=_times(".crankshaft.inertia"),
     ),
     # oil of ever lower viscosity: journals that run at ever higher eccentricity
     "thin film": Family(
-        "viscosity x {:g}",
-        (0.5, 0.2, 0.1, 0.03, 0.01),
-        _times(".dynamic_viscosity"),
-        lambda compressor: film_journals(compressor.friction, compressor.crankshaft.main_journal),
+        label="viscosity x {:g}",
+        numbers=(0.5, 0.2, 0.1, 0.03, 0.01),
+        change=_times(".dynamic_viscosity"),
+        has=lambda compressor: film_journals(
+            compressor.friction, compressor.crankshaft.main_journal
+        ),
     ),
     # motors of ever smaller slip, through the same mean torque at the same mean speed
-    "stiff motor": Family("slip {:g}", (0.1, 0.01, 1e-3, 1e-4), with_slip),
+    "stiff motor": Family(label="slip {:g}", numbers=(0.1, 0.01, 1e-3, 1e-4), change=with_slip),
     # valves that swing many times in a revolution
-    "low speed": Family("speed x {:g}", (0.5, 0.2, 0.1), _at_speed, _has_valves, _cycle_solved),
+    "low speed": Family(
+        label="speed x {:g}",
+        numbers=(0.5, 0.2, 0.1),
+        change=_at_speed,
+        has=_has_valves,
+        solve=_cycle_solved,
+    ),
     "hard springs": Family(
-        "stiffness of valves x {:g}",
-        (4.0, 16.0, 64.0),
-        _times_of_valves("stiffness"),
-        _valves_have("stiffness"),
-        _cycle_solved,
+        label="stiffness of valves x {:g}",
+        numbers=(4.0, 16.0, 64.0),
+        change=_times_of_valves("stiffness"),
+        has=_valves_have("stiffness"),
+        solve=_cycle_solved,
     ),
     "light plates": Family(
-        "mass of valves x {:g}",
-        (0.3, 0.1, 0.03),
-        _times_of_valves("mass"),
-        _valves_have("mass"),
-        _cycle_solved,
+        label="mass of valves x {:g}",
+        numbers=(0.3, 0.1, 0.03),
+        change=_times_of_valves("mass"),
+        has=_valves_have("mass"),
+        solve=_cycle_solved,
     ),
     # clearances so small that the pressure falls and rises within a few degrees
     "small clearance": Family(
-        "clearance x {:g}", (0.3, 0.1, 0.03), _times(".clearance_ratio"), _has_valves, _cycle_solved
+        label="clearance x {:g}",
+        numbers=(0.3, 0.1, 0.03),
+        change=_times(".clearance_ratio"),
+        has=_has_valves,
+        solve=_cycle_solved,
     ),
     # the rotor at a resonance
     "near-singular response": None,
@@ -352,18 +372,23 @@ def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
     status = Status[orbit.status]
     if good and bool(march.status != Status.converged):
         status = "converged, but the march that verifies it did not end"
-    known = good and status == Status[Status.converged]
+    verified = good and status == Status[Status.converged]
     seconds = median_time(lambda: solve_orbit(compressor, solver, throw=False))
+    error = float("inf")
+    speed_error = float("inf")
+    if verified:
+        error = abs(float(march.efficiency_error))
+        speed_error = float(march.speed_error)
     return Extreme(
-        family,
-        setting,
-        status,
-        float(orbit.mechanical_efficiency),
-        abs(float(march.efficiency_error)) if known else float("inf"),
-        float(march.speed_error) if known else float("inf"),
-        float(orbit.margin),
-        int(orbit.iterations),
-        seconds,
+        family=family,
+        setting=setting,
+        status=status,
+        value=float(orbit.mechanical_efficiency),
+        error=error,
+        speed_error=speed_error,
+        margin=float(orbit.margin),
+        iterations=int(orbit.iterations),
+        seconds=seconds,
     )
 
 
@@ -375,11 +400,11 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
         return
     top = float(jnp.max(planes.speeds))
     speeds = np.linspace(*_SPEEDS, _COUNT) * top
-    whole = loaded_rotor(assembly, jnp.asarray(speeds))
+    damped = loaded_rotor(assembly, jnp.asarray(speeds))
     loads = assembly.given_loads
-    bare = scaled(whole, "damping", _LEAST_DAMPING)[0]
+    undamped = scaled(damped, "damping", _LEAST_DAMPING)[0]
     # a resonance: the highest of the peaks within the range, not an end of it
-    sizes = _sizes(bare, loads, speeds)
+    sizes = _sizes(undamped, loads, speeds)
     inner = sizes[1:-1]
     peaks = np.flatnonzero((inner > sizes[:-2]) & (inner > sizes[2:])) + 1
     highest = peaks[np.argmax(sizes[peaks])] if peaks.size else np.nanargmax(sizes)
@@ -388,28 +413,47 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     for _ in range(3):
         near = worst + np.linspace(-1, 1, 41) * width
         # 41 points over two widths: the next search takes one step of this to both sides.
-        worst = near[np.nanargmax(_sizes(bare, loads, near))]
+        worst = near[np.nanargmax(_sizes(undamped, loads, near))]
         width = width / 20
     at = jnp.asarray([worst])
     for times in (1.0, 0.1, 1e-3, _LEAST_DAMPING):
-        model = scaled(whole, "damping", times)[0]
+        model = scaled(damped, "damping", times)[0]
         try:
-            one, other = (respond(model, loads, at, solver=s) for s in ("structured", "dense"))
+            structured = respond(model, loads, at, solver="structured")
+            dense = respond(model, loads, at, solver="dense")
         except SolveFailed as failed:
-            yield Extreme(name, f"damping x {times:g}", str(failed), *[float("nan")] * 2, None, None,
-                          None, float("nan"))  # fmt: skip
+            yield Extreme(
+                family=name,
+                setting=f"damping x {times:g}",
+                status=str(failed),
+                value=float("nan"),
+                error=float("nan"),
+                speed_error=None,
+                margin=None,
+                iterations=None,
+                seconds=float("nan"),
+            )
             continue
-        value = float(jnp.max(jnp.abs(one.displacement)))
-        gap = float(jnp.max(jnp.abs(one.displacement - other.displacement))) / value
-        good = bool(jnp.all(one.ok))
+        value = float(jnp.max(jnp.abs(structured.displacement)))
+        gap = float(jnp.max(jnp.abs(structured.displacement - dense.displacement))) / value
+        good = bool(jnp.all(structured.ok))
         status = Status[Status.converged] if good else "the response is not to be relied on"
         seconds = median_time(lambda model=model, at=at: respond(model, loads, at))
         setting = f"damping x {times:g}, {worst * 30 / np.pi:.1f} rpm"
-        yield Extreme(name, setting, status, value, gap if good else float("inf"), None, None, None,
-                      seconds)  # fmt: skip
+        yield Extreme(
+            family=name,
+            setting=setting,
+            status=status,
+            value=value,
+            error=gap if good else float("inf"),
+            speed_error=None,
+            margin=None,
+            iterations=None,
+            seconds=seconds,
+        )
 
 
 def _sizes(model, loads, speeds) -> np.ndarray:
     """[m] Largest displacement at each speed [rad/s]."""
-    found = respond(model, loads, jnp.asarray(speeds))
-    return np.asarray(jnp.max(jnp.abs(found.displacement[0]), axis=(-2, -1)))  # of order 1
+    response = respond(model, loads, jnp.asarray(speeds))
+    return np.asarray(jnp.max(jnp.abs(response.displacement[0]), axis=(-2, -1)))  # of order 1

@@ -109,10 +109,10 @@ class _Derivative:
 
         zero = jnp.zeros(())
         if mode == "reverse":
-            found, solved = jax.grad(value, has_aux=True)(zero)
+            derivative, solved = jax.grad(value, has_aux=True)(zero)
         else:
-            _, found, solved = jax.jvp(value, (zero,), (jnp.ones(()),), has_aux=True)
-        return solved._replace(value=found, iterations=0)
+            _, derivative, solved = jax.jvp(value, (zero,), (jnp.ones(()),), has_aux=True)
+        return solved._replace(value=derivative, iterations=0)
 
     def difference(self, design, options, step) -> Solved:
         """A central difference with its two solutions side by side."""
@@ -129,16 +129,18 @@ class _Derivative:
     def by_mode(self, solver, tolerance, modes=_MODES, tail="") -> list[Setting]:
         """Settings of both modes, or of one."""
         label = _label(solver)
-        method = _label(solver).partition(" ")[0]
-        return [
-            Setting(f"{mode} mode, {method}" if method else f"{mode} mode", f"{label}{tail}",
-                    partial(self.call, solver, tolerance, mode))
-            for mode in modes
-        ]  # fmt: skip
+        method = label.partition(" ")[0]
+        settings = []
+        for mode in modes:
+            name = f"{mode} mode, {method}" if method else f"{mode} mode"
+            call = partial(self.call, solver, tolerance, mode)
+            settings.append(Setting(name, f"{label}{tail}", call))
+        return settings
 
     def by_differences(self, solver) -> list[Setting]:
         """Settings by step, the best of which is known beside the reference only."""
-        program, options = Compiled(self.difference), self.question.options(solver)
+        program = Compiled(self.difference)
+        options = self.question.options(solver)
 
         def call(share):
             return program.call(self.question.design, options, jnp.asarray(share * self.size))
@@ -153,20 +155,27 @@ class _Derivative:
             BadInput: a variable that does not change the quantity.
         """
         question = self.question
-        crank = self.question.compressor is not None
-        fine = question.fine_solver if crank else None
+        fine = None
+        other = None
+        tolerance = TIGHT_TOLERANCE
+        methods = "forward", "differences"
+        if question.compressor is not None:
+            fine = question.fine_solver
+            other, tolerance, name = other_method(question)
+            methods = "collocation, 24 nodes, forward", f"differences of {name}"
         exact = float(known_value(question, self.call(fine, FINE_TOLERANCE, "forward").run()))
         if exact == 0.0:
             bound = f"one that {question.variable} changes{self.excited}"
             raise BadInput("quantity", question.quantity, bound)
-        other, tolerance, how = other_method(question) if crank else (None, TIGHT_TOLERANCE, "")
+
         options = question.options(other, tolerance)
-        shot = Compiled(self.at)
+        shot = Compiled(self.at)  # one program for all points of the stencil
         step = _REFERENCE_STEP * self.size
-        ends = [(w, shot(question.design, options, jnp.asarray(o * step))) for o, w in _STENCIL]
-        second = sum(w * float(end.value) for w, end in ends) / step
-        methods = "collocation, 24 nodes, forward", f"differences of {how}"
-        return Reference(exact, second, methods if crank else ("forward", "differences"))
+        difference = 0.0
+        for offset, weight in _STENCIL:
+            solved = shot(question.design, options, jnp.asarray(offset * step))
+            difference += weight * float(solved.value)
+        return Reference(exact, difference / step, methods)
 
 
 def _label(solver: Collocation | Shooting | None) -> str:

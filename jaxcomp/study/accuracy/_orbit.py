@@ -100,15 +100,17 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         for nodes in counts:
             solver = Collocation(nodes=nodes, reversals=question.load_reversals * located)
             program = SolverProgram(question, solver)
-            settings += [
-                program.setting(method, f"nodes={nodes} tolerance={tol:g}", tol, nodes)
-                for tol in _TOLERANCES
-            ]
+            for tolerance in _TOLERANCES:
+                label = f"nodes={nodes} tolerance={tolerance:g}"
+                settings.append(program.setting(method, label, tolerance, nodes))
     other = SolverProgram(question, other_method(question)[0])
     for name, tolerances in _DIFFRAX.items():
         if not moves and (thorough or name in _ORDINARY):
-            one = other if name == "Dopri8" else SolverProgram(question, shooting(question, name))
-            settings += series(f"shooting, {name}", "tolerance={:g}", one.call, tolerances, digits)
+            program = other
+            if name != "Dopri8":
+                program = SolverProgram(question, shooting(question, name))
+            call = program.call
+            settings += series(f"shooting, {name}", "tolerance={:g}", call, tolerances, digits)
     of_rotor = question.quantity.partition(".")[0] in ROTOR_QUANTITIES
     if not of_rotor and not moves and not isinstance(machine.gas, Cylinder):
         for name, tolerances in _SCIPY.items():
@@ -167,16 +169,16 @@ def shooting(question: Question, name: str = "Dopri8") -> Shooting:
         max_steps=_MAX_STEPS,
         reversals=question.load_reversals,
         output_nodes=OTHER_NODES,
-        cycle=CycleOptions(
-            panels=64, nodes=10
-        ),  # shares no point with the default's nor the reference's
+        # shares no point with the default's nor the reference's
+        cycle=CycleOptions(panels=64, nodes=10),
     )
 
 
 def by_scipy(question: Question, method: str, tolerance: float) -> Call:
     """A quantity of the crank by a method of `solve_ivp` with a relative tolerance of its steps."""
     machine = question.crank
-    laws, edges = _laws(question.design, machine, question.quantity), np.asarray(_edges(machine))
+    laws = _laws(question.design, machine, question.quantity)
+    edges = np.asarray(_edges(machine))
     return Call(lambda: Solved(*_solve(machine, *laws, edges, method, tolerance)))
 
 
@@ -200,9 +202,9 @@ def _laws(design: Machine, machine: Compressor, name: str):
 
     @jax.jit
     def value(speed, level, accounts):
-        found = DesignResult(design, AnalysisOptions())
-        found.orbit = _orbit(machine, speed, level, accounts)
-        return jnp.asarray(quantity_named(name).value(found), float)
+        result = DesignResult(design, AnalysisOptions())
+        result.orbit = _orbit(machine, speed, level, accounts)
+        return jnp.asarray(quantity_named(name).value(result), float)
 
     return rate, value
 
@@ -233,17 +235,23 @@ def _solve(machine: Compressor, rate, value, edges, method: str, tolerance: floa
             def law(angle, y, low=low, high=high):
                 return np.asarray(rate(angle, low, high, y, level))[: y.size]
 
-            done = solve_ivp(law, (low, high), state, method=method, rtol=tolerance,
-                             atol=tolerance * unit, dense_output=accounts)  # fmt: skip
-            calls += done.nfev
-            if not done.success:
-                raise RuntimeError(done.message)
-            state = done.y[:, -1]
+            march = solve_ivp(
+                law,
+                (low, high),
+                state,
+                method=method,
+                rtol=tolerance,
+                atol=tolerance * unit,
+                dense_output=accounts,
+            )
+            calls += march.nfev
+            if not march.success:
+                raise RuntimeError(march.message)
+            state = march.y[:, -1]
             if accounts:
-                inside = (
-                    low + (high - low) * (np.polynomial.legendre.leggauss(FINE_NODES)[0] + 1) / 2
-                )
-                speeds.append(done.sol(inside)[0])
+                nodes, _ = np.polynomial.legendre.leggauss(FINE_NODES)
+                inside = low + (high - low) * (nodes + 1) / 2
+                speeds.append(march.sol(inside)[0])
         return state, level, speeds
 
     def gap(unknowns):
@@ -254,8 +262,8 @@ def _solve(machine: Compressor, rate, value, edges, method: str, tolerance: floa
     # The gap carries the error of the integration: its differences need a step well above that, and
     # the search must not go on below it.
     options = {"eps": max(1e-8, tolerance**0.5), "maxfev": _REVOLUTIONS}
-    found = root(gap, np.ones(1 + holds_speed), tol=0.1 * tolerance, options=options)
-    end, level, speeds = revolution(found.x, accounts=True)
+    solution = root(gap, np.ones(1 + holds_speed), tol=0.1 * tolerance, options=options)
+    end, level, speeds = revolution(solution.x, accounts=True)
     return float(value(np.stack(speeds), level, end[1:])), calls
 
 
@@ -294,18 +302,18 @@ def quantities_study(question: Question, thorough: bool) -> Study:
     del thorough
     names = known_quantities(question.design)
     solver, tolerance, second = other_method(question)
-    default, fine, other = (
-        SolverProgram(question, one, names) for one in (None, question.fine_solver, solver)
-    )
+    default = SolverProgram(question, None, names)
+    fine = SolverProgram(question, question.fine_solver, names)
+    other = SolverProgram(question, solver, names)
 
     @cache
     def values():
         """By the fine solver, and by the second method; what cancels in a balanced machine is zero."""
-        found = np.array([fine.value(FINE_TOLERANCE), other.value(tolerance)])
+        table = np.array([fine.value(FINE_TOLERANCE), other.value(tolerance)])
         families = np.array([name.partition(".")[0] for name in names])
-        largest = np.array([np.abs(found[0, families == family]).max() for family in families])
-        found[0, np.abs(found[0]) < _CANCELLED * largest] = 0.0
-        return found
+        largest = np.array([np.abs(table[0, families == family]).max() for family in families])
+        table[0, np.abs(table[0]) < _CANCELLED * largest] = 0.0
+        return table
 
     def reference(place):
         return Reference(*(row[place] for row in values()), (METHODS[0], second))
@@ -316,17 +324,22 @@ def quantities_study(question: Question, thorough: bool) -> Study:
         return call._replace(run=cache(call.run), seconds=median_time(call.run))
 
     def call(place):
-        every = once()
-        found = every.run()
-        return every._replace(run=lambda: found._replace(value=found.value[place]))
+        together = once()
+        result = together.run()
+        return together._replace(run=lambda: result._replace(value=result.value[place]))
 
-    settings = tuple(
-        Setting(name, f"[{quantity_named(name).unit or '-'}]", partial(call, place),
-                reference=cache(partial(reference, place)), task=name)
-        for place, name in enumerate(names)
-    )  # fmt: skip
+    settings = []
+    for place, name in enumerate(names):
+        setting = Setting(
+            method=name,
+            label=f"[{quantity_named(name).unit or '-'}]",
+            prepare=partial(call, place),
+            reference=cache(partial(reference, place)),
+            task=name,
+        )
+        settings.append(setting)
     note = "every quantity by the default solver"
-    return Study(partial(reference, 0), settings, note, name=names[0])
+    return Study(partial(reference, 0), tuple(settings), note, name=names[0])
 
 
 def known_quantities(design: Machine) -> tuple[str, ...]:

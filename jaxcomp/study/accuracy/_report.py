@@ -198,6 +198,9 @@ class Report(Result):
         reference = self.reference
         check = self.derivatives
         tasks = [task for task in self.tasks if task]
+        cheapest = {}
+        for error in self.reachable:
+            cheapest[f"{error:g}"] = {name: self.seconds(error, name) for name in self.methods}
         return {
             **fields_of(
                 self, "study", "scene", "quantity", "unit", "march", "calls", "error", "rows"
@@ -205,10 +208,7 @@ class Report(Result):
             "reference": reference._asdict() | {"floor": reference.floor},
             "recommended": self.cheapest(self.error),
             "recommended_by_task": {task: self.cheapest(self.error, task=task) for task in tasks},
-            "cheapest": {
-                f"{at:g}": {method: self.seconds(at, method) for method in self.methods}
-                for at in self.reachable
-            },
+            "cheapest": cheapest,
             "derivatives": check and check._asdict() | fields_of(check, "ratio", "holds"),
             "measured_on": self.measured_on,
         }
@@ -231,9 +231,12 @@ class Report(Result):
     @property
     def tasks(self) -> dict[str, tuple[str, ...]]:
         """Methods of each task."""
-        names = dict.fromkeys((row.task, row.method) for row in self.rows)
-        tasks = dict.fromkeys(task for task, _ in names)
-        return {one: tuple(method for task, method in names if task == one) for one in tasks}
+        methods: dict[str, tuple[str, ...]] = {}
+        for row in self.rows:
+            names = methods.get(row.task, ())
+            if row.method not in names:
+                methods[row.task] = *names, row.method
+        return methods
 
     def claimed(self, row: Measurement) -> float:
         """[-] the error of a row that can be claimed: its own, or the floor of its reference."""
@@ -258,30 +261,32 @@ class Report(Result):
             task: that is solved; absent: any.
         """
         bad = [r for r in self.rows if np.isfinite(r.error) and self.claimed(r) > error]
-        good = [
-            row
-            for row in self.rows
-            if (row.candidate if method is None else row.method == method)
-            and (task is None or row.task == task)
-            and self.claimed(row) <= error
-            and not any(other.at_least_as_tight(row) for other in bad)
-        ]
-        return min(good, key=lambda row: row.seconds, default=None)
+
+        def counts(row: Measurement) -> bool:
+            asked_for = row.candidate if method is None else row.method == method
+            if not asked_for or (task is not None and row.task != task):
+                return False
+            if not self.claimed(row) <= error:
+                return False
+            return not any(other.at_least_as_tight(row) for other in bad)
+
+        return min(filter(counts, self.rows), key=lambda row: row.seconds, default=None)
 
     @property
     def failures(self) -> dict[str, list[str]]:
         """Settings that gave no value, by the reason."""
-        found: dict[str, list[str]] = {}
-        for row in (row for row in self.rows if not np.isfinite(row.error)):
-            why = row.why or "no finite value"
-            found.setdefault(why, []).append(f"{row.method}, {row.setting}")
-        return found
+        failures: dict[str, list[str]] = {}
+        for row in self.rows:
+            if not np.isfinite(row.error):
+                why = row.why or "no finite value"
+                failures.setdefault(why, []).append(f"{row.method}, {row.setting}")
+        return failures
 
     def curve(self, method: str) -> tuple[Measurement, ...]:
         """The settings of a method that no other setting of it beats in both error and time."""
         rows: list[Measurement] = []
-        own = [row for row in self.rows if row.method == method]
-        for row in sorted(own, key=lambda row: (row.seconds, row.error)):
+        of_method = [row for row in self.rows if row.method == method]
+        for row in sorted(of_method, key=lambda row: (row.seconds, row.error)):
             if row.error < min((other.error for other in rows), default=np.inf):
                 rows.append(row)
         return tuple(rows)

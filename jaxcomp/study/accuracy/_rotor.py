@@ -62,12 +62,14 @@ class Place(NamedTuple):
 
     def models(self, name: str) -> list[type[films.AbstractFilm]]:
         """Film models for the bearing that give a number of `FILM_QUANTITIES`."""
-        return [
-            model
-            for model in (_GROOVED if self.grooved else _PLAIN)
-            if model.length_ratio_range[0] <= self.length_ratio <= model.length_ratio_range[1]
-            and (name == "friction_number" or issubclass(model, films.AbstractSolvedFilm))
-        ]
+        models = []
+        for model in _GROOVED if self.grooved else _PLAIN:
+            shortest, longest = model.length_ratio_range
+            # Stiffness and damping are those of a film that solves for its pressure.
+            has_number = name == "friction_number" or issubclass(model, films.AbstractSolvedFilm)
+            if has_number and shortest <= self.length_ratio <= longest:
+                models.append(model)
+        return models
 
     def solved(self, count: int) -> films.interface.FilmSolution:
         """By finite volumes on the coarsest grids, as many as are told."""
@@ -85,29 +87,39 @@ def film_study(question: Question, thorough: bool) -> Study:
 
         @cache
         def reference(solved=solved):
-            fine, coarse = (np.asarray(getattr(solved(n), name)) for n in (4, 3))
+            fine = np.asarray(getattr(solved(4), name))
+            coarse = np.asarray(getattr(solved(3), name))
             return Reference(fine, coarse, ("finite volumes, 960 x 64 cells", "480 x 32 cells"))
 
         options: Any = {"reference": reference, "task": place.label}
-        settings += [
-            Setting(f"finite volumes, {place.label}", "{} x {} cells".format(*_GRIDS[count - 1]),
-                    partial(_grid_call, place, name, count), (float(count),), **options)
-            for count in ((2, 3, 4) if thorough else (2, 3))
-            if count > 2 or not place.grooved  # the grooves are found one grid earlier
-        ]  # fmt: skip
-        settings += [
-            Setting(f"{model.__name__}, {place.label}", f"eps={place.eccentricity:.3g}",
-                    partial(_model_call, solved, _of_load(model, place, name)), share=_BATCH,
-                    **options)
-            for model in place.models(name)
-        ]  # fmt: skip
+        for count in (2, 3, 4) if thorough else (2, 3):
+            if count == 2 and place.grooved:
+                continue  # the grooves are found one grid earlier
+            setting = Setting(
+                method=f"finite volumes, {place.label}",
+                label="{} x {} cells".format(*_GRIDS[count - 1]),
+                prepare=partial(_grid_call, place, name, count),
+                tightness=(float(count),),
+                **options,
+            )
+            settings.append(setting)
+        for model in place.models(name):
+            setting = Setting(
+                method=f"{model.__name__}, {place.label}",
+                label=f"eps={place.eccentricity:.3g}",
+                prepare=partial(_model_call, solved, _of_load(model, place, name)),
+                share=_BATCH,
+                **options,
+            )
+            settings.append(setting)
     note = f"films, {_BATCH} points at a time"
     return Study(settings[0].reference, tuple(settings), note, unit="")
 
 
 def film_gradient_study(question: Question, thorough: bool) -> Study:
     """Derivatives of a number of the film with respect to its load, beside those of finite volumes."""
-    name, place = question.quantity, _places(question, thorough)[0]
+    name = question.quantity
+    place = _places(question, thorough)[0]
     solved = cache(place.solved)
 
     def slope(step):
@@ -119,17 +131,25 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
 
     def reference():
         # two steps, each with its half: differences of fourth order
-        one, two, half = (slope(_STEP * share) for share in (1.0, 0.5, 0.25))
-        return Reference((4 * half - two) / 3, (4 * two - one) / 3,
-                         ("differences of finite volumes", "twice the step"))  # fmt: skip
+        coarse, middle, fine = (slope(_STEP * share) for share in (1.0, 0.5, 0.25))
+        return Reference(
+            value=(4 * fine - middle) / 3,
+            other=(4 * middle - coarse) / 3,
+            methods=("differences of finite volumes", "twice the step"),
+        )
 
-    settings = [
-        Setting(f"{mode} mode, {model.__name__}", "at the load",
-                partial(_model_call, solved, derive(_of_load(model, place, name))), share=_BATCH)
-        for model in place.models(name)
-        if model is not films.Guembel or thorough  # whose reverse mode compiles for 20 s
-        for mode, derive in (("forward", jax.jacfwd), ("reverse", jax.jacrev))
-    ]  # fmt: skip
+    settings = []
+    for model in place.models(name):
+        if model is films.Guembel and not thorough:
+            continue  # its reverse mode compiles for 20 s
+        for mode, derive in (("forward", jax.jacfwd), ("reverse", jax.jacrev)):
+            setting = Setting(
+                method=f"{mode} mode, {model.__name__}",
+                label="at the load",
+                prepare=partial(_model_call, solved, derive(_of_load(model, place, name))),
+                share=_BATCH,
+            )
+            settings.append(setting)
     first = place.models("friction_number")[0]
     value = _of_load(first, place, name)
 
@@ -139,33 +159,46 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
 
         return _model_call(solved, central)
 
-    settings += series(f"central differences, {first.__name__}", "step={:g}", difference, _STEPS,
-                       share=_BATCH, candidate=False)  # fmt: skip
-    note = f"derivative with respect to the load number, {place.label}"
-    return Study(reference, tuple(settings), note, f"d {name} / d load_number", "")
+    settings += series(
+        f"central differences, {first.__name__}",
+        "step={:g}",
+        difference,
+        _STEPS,
+        share=_BATCH,
+        candidate=False,
+    )
+    return Study(
+        reference=reference,
+        settings=tuple(settings),
+        note=f"derivative with respect to the load number, {place.label}",
+        name=f"d {name} / d load_number",
+        unit="",
+    )
 
 
 def film_places(design: Machine) -> tuple[Place, ...]:
     """The films of a machine: of its joints, the most eccentric first, and of its rotor."""
-    made = assembled(design)
-    found = []
+    assembly = assembled(design)
+    places = []
     journals = {}
-    if made.compressor is not None:
-        shaft = made.compressor.crankshaft
-        journals = film_journals(made.compressor.friction, shaft.main_journal)
-    if made.compressor is not None and journals:
-        orbit = solve_orbit(made.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False)
+    if assembly.compressor is not None:
+        shaft = assembly.compressor.crankshaft
+        journals = film_journals(assembly.compressor.friction, shaft.main_journal)
+    if assembly.compressor is not None and journals:
+        orbit = solve_orbit(
+            assembly.compressor, Collocation(reversals=0, tolerance=1e-6), throw=False
+        )
         for name, bearing in journals.items():
-            found += _place(name, bearing, orbit.mean_forces[name], orbit.mean_speed)
-    if isinstance(made.rotor, RotorModel) and made.balancing is not None:
-        speed = jnp.max(made.balancing.speeds)
-        for link in loaded_rotor(made, speed[None]).links:
+            places += _place(name, bearing, orbit.mean_forces[name], orbit.mean_speed)
+    if isinstance(assembly.rotor, RotorModel) and assembly.balancing is not None:
+        speed = jnp.max(assembly.balancing.speeds)
+        for link in loaded_rotor(assembly, speed[None]).links:
             if isinstance(link.law, LoadedFilm):
                 assert isinstance(link.law.bearing, films.JournalBearing)
                 load = jnp.linalg.norm(jnp.atleast_2d(link.law.load)[-1])
                 name = f"rotor {'-'.join(map(str, link.nodes))}"
-                found += _place(name, link.law.bearing, load, speed)
-    unique = {place.label: place for place in found}.values()
+                places += _place(name, link.law.bearing, load, speed)
+    unique = {place.label: place for place in places}.values()
     return tuple(sorted(unique, key=lambda p: (p.label.startswith("rotor "), -p.eccentricity)))
 
 
@@ -175,15 +208,22 @@ def _place(name: str, bearing: films.JournalBearing, load, speed) -> list[Place]
         return []
     eccentricity = float(films.interface.eccentricity_ratio(bearing, load, speed))
     grooved = bearing.model is films.GroovedReynolds
-    return [Place(name, float(bearing.length_ratio), eccentricity, grooved)]
+    place = Place(
+        label=name,
+        length_ratio=float(bearing.length_ratio),
+        eccentricity=eccentricity,
+        grooved=grooved,
+    )
+    return [place]
 
 
 def _places(question: Question, thorough: bool) -> tuple[Place, ...]:
     if question.quantity not in FILM_QUANTITIES:
         raise BadInput("quantity", question.quantity, f"one of {FILM_QUANTITIES}")
-    usual = Place("a plain bearing", 0.5, 0.65), Place("grooves", 0.5, 0.65, True)
-    found = film_places(question.design) or usual
-    return (*found, *(one for one in usual if thorough and one not in found))
+    plain = Place("a plain bearing", length_ratio=0.5, eccentricity=0.65)
+    usual = plain, plain._replace(label="grooves", grooved=True)
+    places = film_places(question.design) or usual
+    return (*places, *(place for place in usual if thorough and place not in places))
 
 
 def _grid_call(place: Place, name: str, count: int) -> Call:
@@ -210,11 +250,11 @@ def _model_call(solved: Callable[[int], films.interface.FilmSolution], value) ->
 
 def response_study(question: Question, thorough: bool) -> Study:
     """Solvers of the response by number of speeds; the error is that of all displacements."""
-    made = question.assembly
-    assert made.balancing is not None
-    compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(jnp.max(made.balancing.speeds))
-    model = loaded_rotor(made, jnp.asarray(compared))
-    loads = made.given_loads or made.unbalances
+    assembly = question.assembly
+    assert assembly.balancing is not None
+    compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(jnp.max(assembly.balancing.speeds))
+    model = loaded_rotor(assembly, jnp.asarray(compared))
+    loads = assembly.given_loads or assembly.unbalances
 
     def by_numpy(refined: bool):
         return np.stack([_direct(model, loads, speed, refined) for speed in compared])
@@ -234,18 +274,30 @@ def response_study(question: Question, thorough: bool) -> Study:
         return Reference(value, other, ("NumPy in extended precision", "the dense solver"))
 
     exact = cache(lambda: by_numpy(True))
-    single, whole = (cache(partial(reference, count)) for count in (1, _COMPARED))
-    settings = [
-        Setting(solver, f"{count} speeds", partial(prepare, solver, count), share=count,
-                reference=single if count == 1 else whole)
-        for solver in ("structured", "dense")
-        for count in (_COUNTS if thorough else _COUNTS[:3])
-        if solver == "structured" or count <= 100
-    ]  # fmt: skip
-    plain = Setting("NumPy", f"{_COMPARED} speeds", lambda: Call(partial(by_numpy, False)),
-                    share=_COMPARED, reference=whole)  # fmt: skip
+    of_one_speed = cache(partial(reference, 1))
+    of_all_speeds = cache(partial(reference, _COMPARED))
+    settings = []
+    for solver in ("structured", "dense"):
+        for count in _COUNTS if thorough else _COUNTS[:3]:
+            if solver == "dense" and count > 100:
+                continue
+            setting = Setting(
+                method=solver,
+                label=f"{count} speeds",
+                prepare=partial(prepare, solver, count),
+                share=count,
+                reference=of_one_speed if count == 1 else of_all_speeds,
+            )
+            settings.append(setting)
+    plain = Setting(
+        method="NumPy",
+        label=f"{_COMPARED} speeds",
+        prepare=lambda: Call(partial(by_numpy, False)),
+        share=_COMPARED,
+        reference=of_all_speeds,
+    )
     note = "response at many speeds in one call, times are of one speed"
-    return Study(whole, (*settings, plain), note)
+    return Study(of_all_speeds, (*settings, plain), note)
 
 
 def _direct(model, loads, speed: float, refined: bool):
@@ -255,7 +307,8 @@ def _direct(model, loads, speed: float, refined: bool):
     z = k - speed**2 * m + 1j * speed * (c + speed * g)
     f = expand.T @ force.reshape(-1)
     x = np.linalg.solve(z, f)
+    # The residual in extended precision: two corrections reach the rounding of the solution.
     for _ in range(2 * refined):
-        rest = f.astype(np.clongdouble) - z.astype(np.clongdouble) @ x.astype(np.clongdouble)
-        x = x + np.linalg.solve(z, rest.astype(complex))
+        residual = f.astype(np.clongdouble) - z.astype(np.clongdouble) @ x.astype(np.clongdouble)
+        x = x + np.linalg.solve(z, residual.astype(complex))
     return (expand @ x).reshape(force.shape)

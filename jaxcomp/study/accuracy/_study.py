@@ -56,10 +56,10 @@ class Program:
     """
 
     def __init__(self, function: Callable[..., Any], *arguments: Any):
-        arrays, rest = eqx.partition(arguments, eqx.is_array)
+        arrays, static = eqx.partition(arguments, eqx.is_array)
 
         def plain(arrays):
-            return function(*eqx.combine(arrays, rest))
+            return function(*eqx.combine(arrays, static))
 
         start = time.perf_counter()
         lowered = jax.jit(plain).lower(arrays)
@@ -83,13 +83,13 @@ class Program:
 
     @cached_property
     def flops(self) -> float:
-        found = self._compiled.cost_analysis() or {}
-        return float(found.get("flops", np.nan))
+        costs = self._compiled.cost_analysis() or {}
+        return float(costs.get("flops", np.nan))
 
     @property
     def memory(self) -> int | None:
-        found = self._compiled.memory_analysis()
-        return None if found is None else int(found.temp_size_in_bytes)
+        analysis = self._compiled.memory_analysis()
+        return None if analysis is None else int(analysis.temp_size_in_bytes)
 
     @property
     def text(self) -> str:
@@ -274,11 +274,17 @@ def series(
         tightness: by the number, such as `digits` or `float`; absent: the settings are in no order.
         **options: as in `Setting`.
     """
-    return [
-        Setting(method, label.format(value), partial(call, value),
-                () if tightness is None else (tightness(value),), **options)
-        for value in values
-    ]  # fmt: skip
+    settings = []
+    for value in values:
+        setting = Setting(
+            method=method,
+            label=label.format(value),
+            prepare=partial(call, value),
+            tightness=() if tightness is None else (tightness(value),),
+            **options,
+        )
+        settings.append(setting)
+    return settings
 
 
 class Compiled:
@@ -344,16 +350,16 @@ class SolverProgram:
 
 def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ...]) -> Solved:
     """A quantity of a design by its solvers, or several."""
-    found = DesignResult(design, options)
+    result = DesignResult(design, options)
     several = (names,) if isinstance(names, str) else names
-    values = [jnp.asarray(quantity_named(name).value(found), float) for name in several]
+    values = [jnp.asarray(quantity_named(name).value(result), float) for name in several]
     value = values[0] if isinstance(names, str) else jnp.stack(values)
     iterations = jnp.asarray(0)
     status = Status.converged
-    if "orbit" in found.__dict__:
-        iterations = found.orbit.iterations
-        status = found.orbit.status
-    return Solved(value, iterations, found.ok, status)
+    if "orbit" in result.__dict__:
+        iterations = result.orbit.iterations
+        status = result.orbit.status
+    return Solved(value=value, iterations=iterations, ok=result.ok, status=status)
 
 
 def known_value(question: Question, solved: Solved) -> Any:
@@ -374,20 +380,28 @@ def no_value(question: Question, why: str) -> BadInput:
 
 def measured(setting: Setting, reference: Reference) -> Measurement:
     """Error and time of a setting."""
-    row = Measurement(setting.method, setting.label, math.inf, math.nan, math.nan,
-                      family=setting.family, tightness=setting.tightness,
-                      candidate=setting.candidate, task=setting.task)  # fmt: skip
+    row = Measurement(
+        method=setting.method,
+        setting=setting.label,
+        error=math.inf,
+        seconds=math.nan,
+        compile_seconds=math.nan,
+        family=setting.family,
+        tightness=setting.tightness,
+        candidate=setting.candidate,
+        task=setting.task,
+    )
     try:
         if setting.reference is not None:
             reference = setting.reference()
             row = row._replace(floor=reference.floor)
         call = setting.prepare()
         start = time.perf_counter()
-        found = jax.block_until_ready(call.run())
+        result = jax.block_until_ready(call.run())
         first = time.perf_counter() - start
     except (RuntimeError, SolveFailed, BadInput) as failed:
         return row._replace(why=str(failed))
-    solved = found if isinstance(found, Solved) else Solved(found)
+    solved = result if isinstance(result, Solved) else Solved(result)
     seconds = median_time(call.run) if call.seconds is None else call.seconds
     program = call.program
     row = row._replace(

@@ -16,7 +16,7 @@ from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
 from .. import variable as find_variable
-from .._problem import Asked, problem_of
+from .._problem import RequestedQuantity, problem_of
 from .._variables import Variable
 from ..interface import Problem, by_name, quantity_named
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
@@ -49,7 +49,7 @@ Over: TypeAlias = Mapping[str, Distribution | Sequence[float] | Float[np.ndarray
 def sweep(
     scene: Machine | HasMachine | Problem,
     over: Over | None = None,
-    quantities: Sequence[Asked] | None = None,
+    quantities: Sequence[RequestedQuantity] | None = None,
     *,
     samples: int | None = None,
     sampling: Literal["sobol", "latin_hypercube", "random"] = "sobol",
@@ -150,7 +150,7 @@ def sweep(
 def sweep_machines(
     machines: Mapping[str, Machine | HasMachine],
     over: Over,
-    quantities: Sequence[Asked],
+    quantities: Sequence[RequestedQuantity],
     *,
     dimension: str = "machine",
     out: str | Path | None = None,

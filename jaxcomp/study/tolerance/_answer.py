@@ -40,113 +40,118 @@ class Permitted(NamedTuple):
     before: float
 
 
-def nested(found: Any) -> dict[str, Any]:
+def nested(study: Any) -> dict[str, Any]:
     """Variables, quantities and limits of `Tolerances`, nested."""
-    ok = found.sampled.ok
-    variables = found.problem.variables
+    ok = study.sampled.ok
+    correlations = [{"between": pair, "value": value} for pair, value in study.scatter.given]
     return {
-        "corrections": dict(found.problem.design.corrections),
-        "variables": {
-            one.name: {
-                "unit": one.unit,
-                "nominal": found.nominal[place],
-                "deviation": found.deviation[place],
-                **found.scatter.tolerances[one.name]._asdict(),
-            }
-            for place, one in enumerate(variables)
-        },
-        "correlations": [{"between": pair, "value": one} for pair, one in found.scatter.given],
+        "corrections": dict(study.problem.design.corrections),
+        "variables": {name: _variable(study, place) for place, name in enumerate(study.variables)},
+        "correlations": correlations,
         "samples": len(ok),
         "failed": int((~ok).sum()),
-        "quantities": {name: _quantity(found, place) for place, name in enumerate(found.names)},
-        "limits": [_limit(found, one) for one in found.reliability],
-        "remarks": found.remarks,
+        "quantities": {name: _quantity(study, place) for place, name in enumerate(study.names)},
+        "limits": [_limit(study, risk) for risk in study.reliability],
+        "remarks": study.remarks,
     }
 
 
-def _quantity(found: Any, place: int) -> dict[str, Any]:
-    sampled = found.sampled
-    name = found.names[place]
+def _variable(study: Any, place: int) -> dict[str, Any]:
+    variable = study.problem.variables[place]
+    return {
+        "unit": variable.unit,
+        "nominal": study.nominal[place],
+        "deviation": study.deviation[place],
+        **study.scatter.tolerances[variable.name]._asdict(),
+    }
+
+
+def _quantity(study: Any, place: int) -> dict[str, Any]:
+    sampled = study.sampled
+    name = study.names[place]
     levels = [None] * len(_PERCENTILES)
     if sampled.ok.sum() > 1:
         levels = sampled.quantile([*_PERCENTILES.values()])[:, place]
     keys = ("mean", "mean_error", "deviation", "deviation_error", "skewness")
-    orders = {key: getattr(found, key) for key in ("first_order", "second_order")}
 
     def contributor(variable, share):
-        low, high = found.swings[:, found.variables.index(variable), place]
+        low, high = study.swings[:, study.variables.index(variable), place]
         return {"variable": variable, "share": share, "at_low_limit": low, "at_high_limit": high}
 
     return {
-        "unit": found.problem.units[place],
-        "nominal": found.value[place],
+        "unit": study.problem.units[place],
+        "nominal": study.value[place],
         **{key: getattr(sampled, key)[place] for key in keys},
         "percentiles": dict(zip(_PERCENTILES, levels, strict=True)),
-        **{
-            key: one and {"mean": one.mean[place], "deviation": one.deviation[place]}
-            for key, one in orders.items()
-        },
-        "contributors": [contributor(*pair) for pair in found.ranking(name)],
+        "first_order": _moments(study.first_order, place),
+        "second_order": _moments(study.second_order, place),
+        "contributors": [contributor(*pair) for pair in study.ranking(name)],
     }
 
 
-def _limit(found: Any, one: Any) -> dict[str, Any]:
-    design = dict(zip(found.variables, one.design, strict=True))
+def _moments(moments: Any, place: int) -> dict[str, Any] | None:
+    if moments is None:
+        return None
+    return {"mean": moments.mean[place], "deviation": moments.deviation[place]}
+
+
+def _limit(study: Any, risk: Any) -> dict[str, Any]:
+    design = dict(zip(study.variables, risk.design, strict=True))
     return {
-        "quantity": one.limit.quantity,
-        "bound": one.limit.bound,
-        "broken_above": one.limit.above,
-        **fields_of(one, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
-        **fields_of(one, "near_points", "near_points_error"),
-        "nearest_points": len(one.points),
-        "most_likely_design": design if all(map(math.isfinite, one.design)) else None,
-        "importance": dict(zip(found.variables, one.importance, strict=True)),
+        "quantity": risk.limit.quantity,
+        "bound": risk.limit.bound,
+        "broken_above": risk.limit.above,
+        **fields_of(risk, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
+        **fields_of(risk, "near_points", "near_points_error"),
+        "nearest_points": len(risk.points),
+        "most_likely_design": design if all(map(math.isfinite, risk.design)) else None,
+        "importance": dict(zip(study.variables, risk.importance, strict=True)),
     }
 
 
-def sentences(found: Any, permitted: Sequence[Permitted]) -> Iterator[str]:
-    """A sentence for each limit and each quantity without one, then for tighter tolerances."""
-    limited = {one.limit.quantity for one in found.reliability}
-    for one in found.reliability:
-        look = found.shown(one.limit.quantity)
-        side = "exceed" if one.limit.above else "fall below"
-        low, high = (f"{100 * end:.2g}" for end in one.sampled_interval)
+def sentences(study: Any, permitted: Sequence[Permitted]) -> Iterator[str]:
+    """A sentence for each limit and each quantity without risk, then for tighter tolerances."""
+    limited = {risk.limit.quantity for risk in study.reliability}
+    for risk in study.reliability:
+        look = study.shown(risk.limit.quantity)
+        side = "exceed" if risk.limit.above else "fall below"
+        low, high = (f"{100 * end:.2g}" for end in risk.sampled_interval)
         yield (
-            f"About {100 * one.sampled:.2g} % of the machines {side} {look.text(one.limit.bound)} "
+            f"About {100 * risk.sampled:.2g} % of the machines {side} {look.text(risk.limit.bound)} "
             f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
-            f"{_causes(found, one.limit.quantity)}"
+            f"{_causes(study, risk.limit.quantity)}"
         )
-    for place, name in enumerate(found.names):
-        mean = found.sampled.mean[place]
-        spread = found.sampled.deviation[place]
+    for place, name in enumerate(study.names):
+        mean = study.sampled.mean[place]
+        spread = study.sampled.deviation[place]
         if name not in limited and math.isfinite(spread):
-            look = found.shown(name)
+            look = study.shown(name)
             yield (
                 f"{look.words}: {look.text(mean)} on average, with a standard deviation of "
-                f"{look.difference(spread, 3)}. {_causes(found, name)}"
+                f"{look.difference(spread, 3)}. {_causes(study, name)}"
             )
-    for one in permitted:
+    for tolerances in permitted:
         whose = "all tolerances"
-        if len(one.variables) != len(found.variables):
-            whose = f"that of {found.label(one.variables[0])}"
-        if not math.isfinite(one.factor):
+        if len(tolerances.variables) != len(study.variables):
+            whose = f"that of {study.label(tolerances.variables[0])}"
+        if not math.isfinite(tolerances.factor):
             yield f"Changing {whose} does not bring the rejects down so far."
             continue
-        word = "tightened" if one.factor < 1 else "widened"
+        word = "tightened" if tolerances.factor < 1 else "widened"
         yield (
-            f"With {whose} {word} to {one.factor:.3g} times what they are, "
-            f"{100 * one.rejects:.2g} % are rejected."
+            f"With {whose} {word} to {tolerances.factor:.3g} times what they are, "
+            f"{100 * tolerances.rejects:.2g} % are rejected."
         )
 
 
-def _causes(found: Any, name: str) -> str:
-    ranked = [(one, share) for one, share in found.ranking(name) if math.isfinite(share)]
+def _causes(study: Any, name: str) -> str:
+    ranked = [(variable, share) for variable, share in study.ranking(name) if math.isfinite(share)]
     if not ranked:
         return ""
-    (first, largest), *others = ranked[:3]
-    causes = [f"{found.label(first)} causes {100 * min(largest, 1):.0f} % of the variance"]
-    causes += [
-        f"{found.label(one)} {100 * min(share, 1):.0f} %" for one, share in others if share > 0.05
-    ]
+    (first, largest), *following = ranked[:3]
+    causes = [f"{study.label(first)} causes {100 * min(largest, 1):.0f} % of the variance"]
+    for variable, share in following:
+        if share > 0.05:
+            causes.append(f"{study.label(variable)} {100 * min(share, 1):.0f} %")
     text = ", ".join(causes)
     return f"{text[:1].upper()}{text[1:]}."

@@ -85,21 +85,32 @@ def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
         curvature: "differences" of slopes half a deviation to both sides, "exact" by products of
             the Hessian with unit vectors (which compiles five times as long), or `None`.
     """
-    names = [one.name for one in problem.variables]
+    names = [variable.name for variable in problem.variables]
     if curvature == "exact" and any(is_fraction(problem.design, name) for name in names):
         bound = '"differences" with a composition, whose dew and bubble lines are of first order'
         raise BadInput("curvature", '"exact"', bound)
     if curvature != "differences":
-        found = solved(problem, jnp.asarray(point)[None])
-        second, fine = (None, True) if curvature is None else _exact(problem, jnp.asarray(point))
-        return Local(found.values[0], found.slope[0], second, bool(found.ok[0] & fine))
+        solutions = solved(problem, jnp.asarray(point)[None])
+        bent = None
+        ok = solutions.ok[0]
+        if curvature is not None:
+            bent, finite = _exact(problem, jnp.asarray(point))
+            ok &= finite
+        return Local(
+            value=solutions.values[0], slope=solutions.slope[0], curvature=bent, ok=bool(ok)
+        )
     step = _STEP * jnp.diag(deviation)
-    found = solved(problem, jnp.concatenate([point[None], point + step, point - step]))
-    ahead, behind = jnp.split(found.slope[1:], 2)
+    solutions = solved(problem, jnp.concatenate([point[None], point + step, point - step]))
+    ahead, behind = jnp.split(solutions.slope[1:], 2)
     bent = jnp.moveaxis((ahead - behind) / (2 * _STEP * deviation)[:, None, None], 0, 2)
     # Differences of slopes are symmetric but for their own error.
     bent = (bent + jnp.swapaxes(bent, 1, 2)) / 2
-    return Local(found.values[0], found.slope[0], bent, bool(jnp.all(found.ok)))
+    return Local(
+        value=solutions.values[0],
+        slope=solutions.slope[0],
+        curvature=bent,
+        ok=bool(jnp.all(solutions.ok)),
+    )
 
 
 @eqx.filter_jit
@@ -151,9 +162,9 @@ def _parts(at: Local, covariance, excess):
     if at.curvature is None:
         return parts
     bent = at.curvature @ covariance
-    alone = jnp.diagonal(at.curvature, axis1=1, axis2=2) * jnp.diagonal(covariance)
-    both = jnp.diagonal(bent @ bent, axis1=1, axis2=2)
-    return parts + both / 2 + excess * alone**2 / 4
+    single = jnp.diagonal(at.curvature, axis1=1, axis2=2) * jnp.diagonal(covariance)
+    coupled = jnp.diagonal(bent @ bent, axis1=1, axis2=2)
+    return parts + coupled / 2 + excess * single**2 / 4
 
 
 class Sampled(NamedTuple):
@@ -201,26 +212,48 @@ def sampled(
     if samples < 2 * SETS:
         raise BadInput("samples", samples, f">= {2 * SETS}")
     names = list(scatter.tolerances)
-    normals = np.concatenate([
+    drawn = []
+    for number, places in enumerate(np.array_split(np.arange(samples), SETS)):
         # No set of one seed is scrambled as a set of another.
-        drawn_normals(names, len(one), sampling, seed * SETS + number)
-        for number, one in enumerate(np.array_split(np.arange(samples), SETS))
-    ])  # fmt: skip
+        drawn.append(drawn_normals(names, len(places), sampling, seed * SETS + number))
+    normals = np.concatenate(drawn)
     title = "Drawing machines" if progress else None
     values, ok = solved_rows(problem, scatter.at(nominal, normals), title, client, keep)
     good = values[ok]
     if len(good) < 2:
-        return Sampled(normals, values, ok, *np.full((5, values.shape[1]), np.nan))
+        undefined = np.full(values.shape[1], np.nan)
+        return Sampled(
+            normals=normals,
+            values=values,
+            ok=ok,
+            mean=undefined,
+            deviation=undefined,
+            skewness=undefined,
+            mean_error=undefined,
+            deviation_error=undefined,
+        )
     mean = good.mean(0)
     deviation = good.std(0)
     flat = np.where(deviation > 0, deviation, 1.0)
     skewness = np.mean(((good - mean) / flat) ** 3, axis=0)
-    sets = zip(np.array_split(values, SETS), np.array_split(ok, SETS), strict=True)
-    each = np.array([(one[fine].mean(0), one[fine].std(0)) for one, fine in sets if fine.any()])
-    errors = np.full_like(each[0], np.nan)
-    if len(each) > 1:
-        errors = each.std(axis=0, ddof=1) / np.sqrt(len(each))
-    return Sampled(normals, values, ok, mean, deviation, skewness, *errors)
+    of_sets = []
+    for machines, fine in zip(np.array_split(values, SETS), np.array_split(ok, SETS), strict=True):
+        if fine.any():
+            of_sets.append((machines[fine].mean(0), machines[fine].std(0)))
+    statistics = np.array(of_sets)
+    errors = np.full_like(statistics[0], np.nan)
+    if len(statistics) > 1:
+        errors = statistics.std(axis=0, ddof=1) / np.sqrt(len(statistics))
+    return Sampled(
+        normals=normals,
+        values=values,
+        ok=ok,
+        mean=mean,
+        deviation=deviation,
+        skewness=skewness,
+        mean_error=errors[0],
+        deviation_error=errors[1],
+    )
 
 
 def solved_rows(
@@ -240,16 +273,18 @@ def solved_rows(
     blocks = ((first, rows[first:end]) for first, end in pairwise(edges))
     values = np.empty((len(rows), len(problem.quantities)))
     ok = np.empty(len(rows), bool)
-    done = 0
+    count = 0
     title = progress or ""
     show = progress is not None
     with progress_of(title, len(rows), unit="machines", show=show) as shown:
-        for block in solved_blocks(problem, width, devices, client, blocks):
-            first, some, found, _, solved = block
-            values[first : first + len(some)] = found
-            ok[first : first + len(some)] = solved
-            done += len(some)
-            shown.at(done)
+        for first, machines, quantities, _, solved in solved_blocks(
+            problem, width, devices, client, blocks
+        ):
+            end = first + len(machines)
+            values[first:end] = quantities
+            ok[first:end] = solved
+            count += len(machines)
+            shown.at(count)
             if keep is not None:
-                keep(rows[:done], values[:done], ok[:done])
+                keep(rows[:count], values[:count], ok[:count])
     return values, ok

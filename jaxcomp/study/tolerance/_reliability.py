@@ -110,25 +110,25 @@ class _LimitState:
         # the search calls both a thousand times, and outside of a program their operations take longer
         self.machines = jax.jit(lambda u: scatter.at(nominal, u))
         self.slope_of_machines = jax.jit(jax.vmap(jax.jacfwd(self.machines)))
-        self.known: dict[bytes, tuple[float, np.ndarray]] = {}
+        self.solutions: dict[bytes, tuple[float, np.ndarray]] = {}
 
     def __call__(self, points) -> tuple[np.ndarray, np.ndarray]:
         """(n,) how far beyond the limit, positive for failures, and (n, variables) its slope."""
         points = np.atleast_2d(np.asarray(points, float))
-        new = [p for p in points if p.tobytes() not in self.known]
+        new = [p for p in points if p.tobytes() not in self.solutions]
         if new:
             u = jnp.asarray(np.stack(new))
             sign = 1.0 if self.limit.above else -1.0
-            found = solved(self.problem, self.machines(u))
-            beyond = sign * (found.values[:, self.place] - self.limit.bound)
-            by_value = found.slope[:, self.place]
+            solutions = solved(self.problem, self.machines(u))
+            beyond = sign * (solutions.values[:, self.place] - self.limit.bound)
+            by_value = solutions.slope[:, self.place]
             by_u = self.slope_of_machines(u)
             slope = np.einsum("nv,nvu->nu", by_value, by_u)
-            beyond = np.where(found.ok, beyond, np.nan).tolist()
-            slope = np.where(found.ok[:, None], sign * slope, np.nan)
-            for point, *both in zip(new, beyond, slope, strict=True):
-                self.known[point.tobytes()] = tuple(both)
-        values, slopes = zip(*(self.known[p.tobytes()] for p in points), strict=True)
+            beyond = np.where(solutions.ok, beyond, np.nan).tolist()
+            slope = np.where(solutions.ok[:, None], sign * slope, np.nan)
+            for point, distance, gradient in zip(new, beyond, slope, strict=True):
+                self.solutions[point.tobytes()] = distance, gradient
+        values, slopes = zip(*(self.solutions[p.tobytes()] for p in points), strict=True)
         return np.array(values), np.stack(slopes)
 
     def bent(self, point) -> tuple[float, np.ndarray, np.ndarray]:
@@ -150,17 +150,18 @@ class _LimitState:
         if np.all(np.isfinite(bent)):
             # Downwards: along the first the quantity bends most towards failure.
             vectors = np.linalg.eigh(bent)[1][:, ::-1]
-            starts += [side * _FAR * v for v in vectors.T[:2] for side in (1.0, -1.0)]
+            for direction in vectors.T[:2]:
+                starts += [_FAR * direction, -_FAR * direction]
         return np.stack(starts) if starts else np.ones((1, self.size))
 
     def nearest_points(self) -> np.ndarray:
         """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
         starts = self.starts()
         scale = np.nanmax(np.abs(self(starts)[0]))
-        found = []
+        ends = []
         if not (np.isfinite(scale) and scale > 0):
             return np.zeros((0, self.size))
-        reached = {
+        constraint = {
             "type": "eq",
             "fun": lambda u: self(u)[0][0] / scale,
             "jac": lambda u: self(u)[1][0] / scale,
@@ -169,22 +170,27 @@ class _LimitState:
         for start in starts:
             answer = minimize(
                 # Half the square of the distance: smooth where the mean itself is on the limit.
-                lambda u: (0.5 * u @ u, u), start, jac=True, method="SLSQP", constraints=reached,
+                lambda u: (0.5 * u @ u, u),
+                start,
+                jac=True,
+                method="SLSQP",
+                constraints=constraint,
                 options=options,
-            )  # fmt: skip
+            )
             # Beyond 12 deviations lie 2e-33 of all machines.
-            on = abs(reached["fun"](answer.x)) < _ON_LIMIT
-            if answer.success and on and np.linalg.norm(answer.x) < 12:
-                found.append(answer.x)
-        kept: list[np.ndarray] = []
-        for point in sorted(found, key=np.linalg.norm):
-            if all(np.linalg.norm(point - other) > _SAME for other in kept):
-                kept.append(point)
-        return np.reshape(kept, (-1, self.size))
+            on_limit = abs(constraint["fun"](answer.x)) < _ON_LIMIT
+            if answer.success and on_limit and np.linalg.norm(answer.x) < 12:
+                ends.append(answer.x)
+        distinct: list[np.ndarray] = []
+        for point in sorted(ends, key=np.linalg.norm):
+            if all(np.linalg.norm(point - other) > _SAME for other in distinct):
+                distinct.append(point)
+        return np.reshape(distinct, (-1, self.size))
 
     def second_order(self, points, failed: bool) -> float:
         """The probability by curvature; NaN where the limit bends too much."""
         total = 0.0
+        # Of a mean machine that breaks the limit the nearest point alone bounds what is safe.
         for point in points[:1] if failed else points:
             beta = np.linalg.norm(point)
             _, slope, bent = self.bent(point)
@@ -202,8 +208,8 @@ class _LimitState:
     def about(self, points, count: int, seed: int) -> tuple[float, float]:
         """The probability by samples about the points, and its standard error."""
         rng = np.random.default_rng(seed)
-        which = rng.integers(len(points), size=count)
-        u = points[which] + rng.standard_normal((count, self.size))
+        centres = rng.integers(len(points), size=count)
+        u = points[centres] + rng.standard_normal((count, self.size))
         title = f"Machines near the limit of {self.limit.quantity}" if self.progress else None
         values, ok = solved_rows(self.problem, self.machines(u), title)
         # phi(u) over the mixture of bells about the points
@@ -231,30 +237,54 @@ def reliability(
     """
     state = _LimitState(problem, scatter, nominal, limit, progress)
     around = min(len(samples.ok) // 2, 4096) if around is None else around
-    counted = _counted(limit, samples.values[samples.ok, state.place])
+    share, interval = _sampled_share(limit, samples.values[samples.ok, state.place])
     points = state.nearest_points()
-    nothing = np.full(len(nominal), np.nan)
+    undefined = np.full(len(nominal), np.nan)
     if not len(points):
-        return Reliability(limit, *counted, *[np.nan] * 5, points, nothing, nothing)
+        return Reliability(
+            limit=limit,
+            sampled=share,
+            sampled_interval=interval,
+            beta=np.nan,
+            first_order=np.nan,
+            second_order=np.nan,
+            near_points=np.nan,
+            near_points_error=np.nan,
+            points=points,
+            design=undefined,
+            importance=undefined,
+        )
     failed = state(np.zeros(len(nominal)))[0][0] > 0
     distance = np.linalg.norm(points, axis=1)
-    beta = -distance[0] if failed else distance[0]
-    first = float(stats.norm.sf(beta) if failed else min(1.0, stats.norm.sf(distance).sum()))
-    near = state.about(points, around, seed) if around and not failed else (np.nan, np.nan)
+    if failed:
+        beta = -distance[0]
+        first_order = stats.norm.sf(beta)
+    else:
+        beta = distance[0]
+        first_order = min(1.0, stats.norm.sf(distance).sum())
+    near_points = np.nan
+    near_points_error = np.nan
+    if around and not failed:
+        near_points, near_points_error = state.about(points, around, seed)
+    importance = undefined
+    if distance[0] > 0:
+        importance = (points[0] / distance[0]) ** 2
     return Reliability(
-        limit,
-        *counted,
-        float(beta),
-        first,
-        state.second_order(points, failed),
-        *near,
-        points,
-        np.asarray(scatter.at(nominal, points[0])),
-        (points[0] / distance[0]) ** 2 if distance[0] > 0 else nothing,
+        limit=limit,
+        sampled=share,
+        sampled_interval=interval,
+        beta=float(beta),
+        first_order=float(first_order),
+        second_order=state.second_order(points, failed),
+        near_points=near_points,
+        near_points_error=near_points_error,
+        points=points,
+        design=np.asarray(scatter.at(nominal, points[0])),
+        importance=importance,
     )
 
 
-def _counted(limit: Limit, values) -> tuple[float, tuple[float, float]]:
+def _sampled_share(limit: Limit, values) -> tuple[float, tuple[float, float]]:
     """Share of the samples that break a limit, and its 95 % interval."""
     if not values.size:
         return np.nan, (np.nan, np.nan)

@@ -17,7 +17,7 @@ from scipy.stats import beta
 from ..._core.errors import BadInput
 from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, variable
-from .._problem import Asked, name_of, value_of
+from .._problem import RequestedQuantity, name_of, value_of
 from .._variables import changed
 from ..interface import by_name
 from ._answer import Permitted
@@ -40,35 +40,35 @@ class Robust:
         changes: names of the variables that it scatters.
     """
 
-    def __init__(self, asked, variables, scatter, normals, measure, name):
-        self._asked = asked
+    def __init__(self, quantity, variables, scatter, normals, measure, name):
+        self._quantity = quantity
         self._variables = variables
         self._scatter = scatter
         self._normals = normals
         self._measure = measure
         self.__name__ = name
-        self.changes = tuple(one.name for one in variables)
+        self.changes = tuple(variable.name for variable in variables)
 
-    def __call__(self, found: DesignResult) -> Float[Array, ""]:
+    def __call__(self, result: DesignResult) -> Float[Array, ""]:
         """[SI] NaN if a machine of the scatter cannot be solved."""
-        return self._measure(self.sample(found))
+        return self._measure(self.sample(result))
 
-    def sample(self, found: DesignResult) -> Float[Array, " samples"]:
+    def sample(self, result: DesignResult) -> Float[Array, " samples"]:
         """[SI] The quantity of every machine of the scatter."""
-        nominal = jnp.stack([jnp.asarray(v.current(found.design), float) for v in self._variables])
+        nominal = jnp.stack([jnp.asarray(v.current(result.design), float) for v in self._variables])
 
-        def one(normals):
-            design = changed(found.design, self._variables, self._scatter.at(nominal, normals))
-            machine = DesignResult(design, found.options)
-            value = value_of(self._asked, machine)
+        def quantity(normals):
+            design = changed(result.design, self._variables, self._scatter.at(nominal, normals))
+            machine = DesignResult(design, result.options)
+            value = value_of(self._quantity, machine)
             return jnp.where(machine.ok, value, jnp.nan)
 
-        return jax.vmap(one)(jnp.asarray(self._normals))
+        return jax.vmap(quantity)(jnp.asarray(self._normals))
 
 
 def robust(
     scene: Machine | HasMachine,
-    asked: Asked,
+    asked: RequestedQuantity,
     tolerances: Mapping[str, Within],
     *,
     sigmas: float | None = None,
@@ -159,8 +159,9 @@ def permitted(
             raise BadInput("variables", name, f"one of {', '.join(found.variables)}")
     mean = np.asarray(found.scatter.mean(found.nominal))
     away = np.asarray(found.scatter.at(found.nominal, found.sampled.normals)) - mean
-    chosen = np.array([name in names for name in found.variables])
-    scaled, kept = chosen[None] * away, ~chosen[None] * away
+    changes = np.array([name in names for name in found.variables])
+    scaled = changes * away
+    fixed = ~changes * away
     value, slope, curvature, _ = found.local
 
     def series(deviation):
@@ -171,22 +172,28 @@ def permitted(
 
     missed = found.sampled.values - series(away)
 
-    def share_of_rejects(values):
-        limits = [one.limit for one in found.reliability]
-        broken = [one.broken(values[:, found.names.index(one.quantity)]) for one in limits]
-        return float(np.mean(np.any(broken, axis=0)))
-
     good = found.sampled.ok
-    before = share_of_rejects(found.sampled.values[good])
+    before = _share_of_rejects(found, found.sampled.values[good])
 
     def excess(factor):
         # What the series misses shrinks at least as the square of the deviations, so that linearly is
         # prudent; wider tolerances keep it as it is, and the machines solved at the end tell the rest.
-        values = series(factor * scaled + kept) + min(factor, 1.0) * missed
-        return share_of_rejects(values[good]) - rejects
+        values = series(factor * scaled + fixed) + min(factor, 1.0) * missed
+        return _share_of_rejects(found, values[good]) - rejects
 
     if excess(_LOW) > 0:
-        return Permitted(names, float("nan"), before, before)
+        return Permitted(variables=names, factor=float("nan"), rejects=before, before=before)
     factor = _HIGH if excess(_HIGH) <= 0 else float(brentq(excess, _LOW, _HIGH, xtol=1e-4))
-    values, ok = solved_rows(found.problem, mean + factor * scaled + kept)
-    return Permitted(names, factor, share_of_rejects(values[ok]), before)
+    values, ok = solved_rows(found.problem, mean + factor * scaled + fixed)
+    return Permitted(
+        variables=names, factor=factor, rejects=_share_of_rejects(found, values[ok]), before=before
+    )
+
+
+def _share_of_rejects(study: Tolerances, values) -> float:
+    """[-] Share of machines, of which these are the quantities [SI] (machines, quantities)."""
+    broken = np.zeros(len(values), bool)
+    for risk in study.reliability:
+        column = values[:, study.names.index(risk.limit.quantity)]
+        broken |= risk.limit.broken(column)
+    return float(np.mean(broken))

@@ -119,7 +119,13 @@ def within(
         raise BadInput("distribution", distribution, f"one of {', '.join(get_args(Distribution))}")
     if not 0.1 <= sigmas <= 8:  # below it a cut bell is uniform, above it nothing is cut
         raise BadInput("sigmas", sigmas, ">= 0.1 and <= 8")
-    return Within(float(low), float(high), distribution, float(sigmas), relative)
+    return Within(
+        low=float(low),
+        high=float(high),
+        distribution=distribution,
+        sigmas=float(sigmas),
+        relative=relative,
+    )
 
 
 class Scatter(NamedTuple):
@@ -142,7 +148,7 @@ class Scatter(NamedTuple):
     ) -> Float[Array, "*batch n"]:
         """[SI] Values of the variables with these nominal values [SI], at u [-]."""
         z = normals @ self.root.T
-        columns = [one.at(z[..., i]) for i, one in enumerate(self.tolerances.values())]
+        columns = [band.at(z[..., i]) for i, band in enumerate(self.tolerances.values())]
         return nominal + jnp.stack(columns, -1) * self._scale(nominal)
 
     def mean(self, nominal: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -165,11 +171,11 @@ class Scatter(NamedTuple):
         return jnp.asarray(self.correlation) * jnp.outer(sigma, sigma)
 
     def _of(self, name: str) -> Float[Array, " n"]:
-        return jnp.array([getattr(one, name) for one in self.tolerances.values()])
+        return jnp.array([getattr(band, name) for band in self.tolerances.values()])
 
     def _scale(self, nominal) -> Float[Array, " n"]:
         nominal = jnp.asarray(nominal)
-        relative = jnp.array([one.relative for one in self.tolerances.values()])
+        relative = jnp.array([band.relative for band in self.tolerances.values()])
         return jnp.where(relative, nominal, jnp.ones_like(nominal))  # pyright: ignore
 
 
@@ -191,7 +197,7 @@ def scatter_of(
         )
     _check_kinds(tolerances)
     names = list(tolerances)
-    wanted = np.eye(len(names))
+    correlation = np.eye(len(names))
     latent = np.eye(len(names))
     for pair, value in (correlations or {}).items():
         label = f"correlations.{' and '.join(pair)}"
@@ -199,17 +205,22 @@ def scatter_of(
             raise BadInput(label, " and ".join(pair), f"two of {', '.join(names)}")
         if not -1 < value < 1:
             raise BadInput(label, value, "> -1 and < 1")
-        i, j = (names.index(name) for name in pair)
-        wanted[i, j] = wanted[j, i] = value
-        both = (tolerances[name] for name in pair)
-        latent[i, j] = latent[j, i] = _normal_correlation(*both, value, label)
+        i, j = map(names.index, pair)
+        first, second = map(tolerances.__getitem__, pair)
+        correlation[i, j] = correlation[j, i] = value
+        latent[i, j] = latent[j, i] = _normal_correlation(first, second, value, label)
     try:
         root = np.linalg.cholesky(latent)
     except np.linalg.LinAlgError:
         smallest = f"{np.linalg.eigvalsh(latent)[0]:.3g}"
         bound = "such that the matrix of all of them has positive eigenvalues"
         raise BadInput("correlations", f"of smallest eigenvalue {smallest}", bound) from None
-    return Scatter(dict(tolerances), wanted, root, tuple((correlations or {}).items()))
+    return Scatter(
+        tolerances=dict(tolerances),
+        correlation=correlation,
+        root=root,
+        given=tuple((correlations or {}).items()),
+    )
 
 
 def _check_kinds(tolerances: Any) -> None:
@@ -217,31 +228,31 @@ def _check_kinds(tolerances: Any) -> None:
     example = "tolerances by name, such as {'mechanism.bore': within(2e-5)}, which is +-0.02 mm"
     if not isinstance(tolerances, Mapping):
         raise BadInput("tolerances", f"a {type(tolerances).__name__}", example)
-    for name, one in tolerances.items():
-        if not isinstance(one, Within):
-            raise BadInput(f"tolerances.{name}", f"{one}", f"made with `within`: {example}")
+    for name, band in tolerances.items():
+        if not isinstance(band, Within):
+            raise BadInput(f"tolerances.{name}", f"{band}", f"made with `within`: {example}")
 
 
-def _normal_correlation(a: Within, b: Within, wanted: float, label: str) -> float:
+def _normal_correlation(a: Within, b: Within, correlation: float, label: str) -> float:
     """Correlation of two normal variables whose deviations have the wanted one."""
     if a.distribution == b.distribution == "normal":
-        return wanted
+        return correlation
     x, w = np.polynomial.hermite_e.hermegauss(_POINTS)
     # Of probability; those of NumPy add up to sqrt(2 pi).
     w = w / w.sum()
 
-    def standard(one: Within, z):
-        return (np.asarray(one.at(z)) - one.middle) / one.deviation
+    def standard(band: Within, z):
+        return (np.asarray(band.at(z)) - band.middle) / band.deviation
 
     def miss(rho):
         first = standard(a, x)[:, None]
         second = standard(b, rho * x[:, None] + np.sqrt(1 - rho**2) * x[None, :])
-        return w @ (first * second) @ w - wanted
+        return w @ (first * second) @ w - correlation
 
-    low = miss(-_NEAR_ONE) + wanted
-    high = miss(_NEAR_ONE) + wanted
-    if not low < wanted < high:
-        raise BadInput(label, wanted, f"> {low:.4g} and < {high:.4g} for these distributions")
+    low = miss(-_NEAR_ONE) + correlation
+    high = miss(_NEAR_ONE) + correlation
+    if not low < correlation < high:
+        raise BadInput(label, correlation, f"> {low:.4g} and < {high:.4g} for these distributions")
     return float(brentq(miss, -_NEAR_ONE, _NEAR_ONE, xtol=1e-14))  # pyright: ignore
 
 

@@ -14,7 +14,7 @@ from ..._core.errors import BadInput
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
-from .._problem import Asked, name_of, problem_of, solves_gas
+from .._problem import RequestedQuantity, name_of, problem_of, solves_gas
 from ..interface import Problem, by_name, variable_label
 from . import _answer
 from ._moments import (
@@ -85,10 +85,10 @@ class Tolerances(Result):
             yield Data(f"deviation.{name}", unit, self.sampled.deviation[place])
             for variable, share in self.ranking(name):
                 yield Data(f"share_of_variance.{name}.{variable}", "", share)
-        for one in self.reliability:
-            name = f"probability_{one.limit.side}_limit.{one.limit.quantity}"
-            doc = f"of a value {one.limit.side} {one.limit.bound:g} in SI"
-            yield Data(name, "", one.sampled, doc=doc)
+        for risk in self.reliability:
+            name = f"probability_{risk.limit.side}_limit.{risk.limit.quantity}"
+            doc = f"of a value {risk.limit.side} {risk.limit.bound:g} in SI"
+            yield Data(name, "", risk.sampled, doc=doc)
         yield Data("solved", "", self.sampled.ok, self.table_dims)
         drawn = self.scatter.at(self.nominal, self.sampled.normals)
         yield from self.problem.columns(drawn, self.sampled.values, self.table_dims)
@@ -122,7 +122,7 @@ class Tolerances(Result):
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables."""
-        return tuple(one.name for one in self.problem.variables)
+        return tuple(variable.name for variable in self.problem.variables)
 
     def ranking(self, quantity: str) -> list[tuple[str, float]]:
         """Variables and their shares of the variance [-], the largest first.
@@ -146,14 +146,16 @@ class Tolerances(Result):
             out.append("the derivatives cannot be relied on: a design near the mean is not solved")
         for place, name in enumerate(self.names):
             out += _disagreements(self, place, name)
-        for one in self.reliability:
-            if not len(one.points):
-                out.append(f"{one.limit.quantity}: no machine within 12 deviations is "
-                           f"{one.limit.side} {one.limit.bound:g}")  # fmt: skip
-            elif not one.agrees:
-                low, high = one.sampled_interval
+        for risk in self.reliability:
+            if not len(risk.points):
                 out.append(
-                    f"{one.limit.quantity}: first-order probability {one.first_order:.3g} of breaking "
+                    f"{risk.limit.quantity}: no machine within 12 deviations is "
+                    f"{risk.limit.side} {risk.limit.bound:g}"
+                )
+            elif not risk.agrees:
+                low, high = risk.sampled_interval
+                out.append(
+                    f"{risk.limit.quantity}: first-order probability {risk.first_order:.3g} of breaking "
                     f"the limit, {low:.3g} to {high:.3g} by the samples"
                 )
         return tuple(out)
@@ -162,7 +164,7 @@ class Tolerances(Result):
 def tolerance(
     scene: Machine | HasMachine | Problem,
     tolerances: Mapping[str, Within] | None = None,
-    quantities: Sequence[Asked] | None = None,
+    quantities: Sequence[RequestedQuantity] | None = None,
     *,
     correlations: Correlations | None = None,
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
@@ -205,93 +207,106 @@ def tolerance(
     listed_names("quantities", quantities)
     if samples is not None:
         counted("samples", samples, high=2**24)
-    asked, limits = quantities, bounds_by_names("limits", limits)
+    limits = bounds_by_names("limits", limits)
     tolerances = {} if tolerances is None else tolerances
     scatter_of(tolerances)  # refuses what is no tolerance, before its name is looked up
     if not isinstance(scene, Problem):
         tolerances = by_name(machine_of(scene), tolerances)
-        names = [name_of(one) for one in quantities or ()]
-        asked = [*(quantities or ()), *(name for name in limits if name not in names)]
+        # Whatever has a limit is computed as well.
+        names = [name_of(quantity) for quantity in quantities or ()]
+        quantities = [*(quantities or ()), *(name for name in limits if name not in names)]
     scatter = scatter_of(tolerances, correlations)
-    made = problem_of(scene, "tolerances", tuple(scatter.tolerances), asked, options)
-    ends = _limits(limits, made)
-    nominal = np.asarray(made.current)
-    _check(made, scatter, nominal)
-    made = prepared(made)
-    deviation, covariance = scatter.deviation(nominal), scatter.covariance(nominal)
-    excess = jnp.array([one.excess for one in scatter.tolerances.values()])
-    near = local(made, scatter.mean(nominal), deviation, curvature)
+    problem = problem_of(scene, "tolerances", tuple(scatter.tolerances), quantities, options)
+    checked_limits = _limits(limits, problem)
+    nominal = np.asarray(problem.current)
+    _check(problem, scatter, nominal)
+    problem = prepared(problem)
+    deviation = scatter.deviation(nominal)
+    covariance = scatter.covariance(nominal)
+    excess = jnp.array([band.excess for band in scatter.tolerances.values()])
+    expansion = local(problem, scatter.mean(nominal), deviation, curvature)
     if samples is None:
-        samples = _FEW if solves_gas(made) else _MANY
-    many = sampled(made, scatter, nominal, samples, sampling, seed, progress, client, keep)
-    value, swings = _one_at_a_time(made, scatter, nominal)
+        samples = _FEW if solves_gas(problem) else _MANY
+    monte_carlo = sampled(
+        problem, scatter, nominal, samples, sampling, seed, progress, client, keep
+    )
+    value, swings = _one_at_a_time(problem, scatter, nominal)
+    second_order = None
+    if expansion.curvature is not None:
+        second_order = moments(expansion, covariance, excess)
+    risks = [
+        reliability(problem, scatter, nominal, limit, monte_carlo, seed=seed, progress=progress)
+        for limit in checked_limits
+    ]
     return Tolerances(
-        made,
-        scatter,
-        nominal,
-        np.asarray(deviation),
-        value,
-        near,
-        moments(near._replace(curvature=None), covariance, excess),
-        None if near.curvature is None else moments(near, covariance, excess),
-        shares(near, covariance, excess),
-        swings,
-        many,
-        tuple(
-            reliability(made, scatter, nominal, end, many, seed=seed, progress=progress)
-            for end in ends
-        ),
+        problem=problem,
+        scatter=scatter,
+        nominal=nominal,
+        deviation=np.asarray(deviation),
+        value=value,
+        local=expansion,
+        first_order=moments(expansion._replace(curvature=None), covariance, excess),
+        second_order=second_order,
+        shares=shares(expansion, covariance, excess),
+        swings=swings,
+        sampled=monte_carlo,
+        reliability=tuple(risks),
     )
 
 
-def _check(made: Problem, scatter: Scatter, nominal) -> None:
+def _check(problem: Problem, scatter: Scatter, nominal) -> None:
     """Refuse tolerances in per cent of a value of zero, and tolerances that lead out of bounds."""
-    for (name, one), value in zip(scatter.tolerances.items(), nominal, strict=True):
-        if one.relative and value == 0:
+    for (name, band), value in zip(scatter.tolerances.items(), nominal, strict=True):
+        if band.relative and value == 0:
             raise BadInput(name, 0.0, "different from zero for a relative tolerance")
     for end in np.asarray(scatter.limits(nominal)):
-        for one, value in zip(made.variables, end, strict=True):
-            if not bool(one.bound.holds(value)):
-                raise BadInput(one.name, float(value), f"{one.bound}, at every limit of tolerance")
+        for variable, value in zip(problem.variables, end, strict=True):
+            if not bool(variable.bound.holds(value)):
+                bound = f"{variable.bound}, at every limit of tolerance"
+                raise BadInput(variable.name, float(value), bound)
 
 
-def _limits(limits, made: Problem) -> list[Limit]:
+def _limits(limits, problem: Problem) -> list[Limit]:
     out = []
     for name, (low, high) in limits.items():
-        if name not in made.names:
-            raise BadInput("limits", name, f"one of {', '.join(made.names)}")
+        if name not in problem.names:
+            raise BadInput("limits", name, f"one of {', '.join(problem.names)}")
         if low is None and high is None:
             raise BadInput(f"limits.{name}", "without bounds", "given a lower or an upper bound")
         for end, above in ((low, False), (high, True)):
-            if end is not None and not np.isfinite(end):
+            if end is None:
+                continue
+            if not np.isfinite(end):
                 raise BadInput(f"limits.{name}", end, "finite, or None for no bound")
-            out += [] if end is None else [Limit(name, float(end), above)]
+            out.append(Limit(name, float(end), above))
     return out
 
 
-def _one_at_a_time(made: Problem, scatter: Scatter, nominal):
+def _one_at_a_time(problem: Problem, scatter: Scatter, nominal):
     """Nominal quantities, and with each variable in turn at both limits."""
     n = len(nominal)
     ends = np.asarray(scatter.limits(nominal))
     points = np.tile(np.asarray(scatter.mean(nominal)), (2, n, 1))
     points[:, np.arange(n), np.arange(n)] = ends
-    values, _ = solved_rows(made, np.concatenate([nominal[None], points.reshape(-1, n)]))
+    values, _ = solved_rows(problem, np.concatenate([nominal[None], points.reshape(-1, n)]))
     return values[0], values[1:].reshape(2, n, -1)
 
 
-def _disagreements(found: Tolerances, place: int, name: str) -> list[str]:
-    truth = found.sampled
+def _disagreements(study: Tolerances, place: int, name: str) -> list[str]:
+    truth = study.sampled
     allowed = _DISAGREES * truth.deviation[place]
-    look = shown(name, found.problem.units[place], truth.mean[place])
-    orders = {"first": found.first_order, "second": found.second_order}
+    look = shown(name, study.problem.units[place], truth.mean[place])
+    orders = {"first": study.first_order, "second": study.second_order}
     out = []
     for word, order in orders.items():
-        for field in () if order is None else order._fields:
-            given = getattr(order, field)[place]
-            right = getattr(truth, field)[place]
+        if order is None:
+            continue
+        for field in order._fields:
+            estimate = getattr(order, field)[place]
+            reference = getattr(truth, field)[place]
             error = getattr(truth, f"{field}_error")[place]
-            if not abs(given - right) <= max(allowed, 4 * error):
-                said = look.text if field == "mean" else look.difference
-                texts = f"{said(given)} against {said(right)} by the samples"
+            if not abs(estimate - reference) <= max(allowed, 4 * error):
+                text_of = look.text if field == "mean" else look.difference
+                texts = f"{text_of(estimate)} against {text_of(reference)} by the samples"
                 out.append(f"{look.words}: {word}-order {field} {texts}")
     return out
