@@ -52,7 +52,7 @@ class Variable(NamedTuple):
     bound: Bound
 
     @property
-    def bare(self) -> "Variable":
+    def without_range(self) -> "Variable":
         """The variable without its range, as programs of any range share it."""
         return self._replace(low=0.0, high=0.0, bound=ANY)
 

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 from ..._core.errors import BadInput
 from ...machine import Machine
-from .._variables import Variable, matching, variable
+from .._variables import Variable, matching
+from .._variables import variable as find_variable
 
 
 class CommonFactor(NamedTuple):
@@ -23,9 +24,11 @@ class CommonFactor(NamedTuple):
     unit: str = ""
 
     @property
-    def bare(self) -> "CommonFactor":
+    def without_range(self) -> "CommonFactor":
         """The factor without its range."""
-        return self._replace(each=tuple(one.bare for one in self.each), low=0.0, high=0.0)
+        return self._replace(
+            each=tuple(number.without_range for number in self.each), low=0.0, high=0.0
+        )
 
     def current(self, design: Machine) -> float:
         """1, as the machine stands."""
@@ -34,9 +37,9 @@ class CommonFactor(NamedTuple):
 
     def apply(self, design: Machine, value) -> Machine:
         """The machine with all numbers times a factor; unchecked."""
-        for one in self.each:
+        for number in self.each:
             # the current value of a list is already the factor 1 on it
-            design = one.apply(design, one.current(design) * value)
+            design = number.apply(design, number.current(design) * value)
         return design
 
 
@@ -55,15 +58,19 @@ def varied(
     """
     names = matching(design, name)
     if names == [name]:
-        return variable(design, name, low, high)
-    each = tuple(variable(design, one) for one in names)
-    for one in each:
-        for end in (low, high):
-            size = None if end is None else float(one.current(design)) * end
-            if size is not None and not bool(one.bound.holds(size)):
-                raise BadInput(f"{name}: {one.name}", size, str(one.bound))
+        return find_variable(design, name, low, high)
+    each = tuple(find_variable(design, path) for path in names)
+    for number in each:
+        present = float(number.current(design))
+        for factor in (low, high):
+            if factor is not None and not bool(number.bound.holds(present * factor)):
+                raise BadInput(f"{name}: {number.name}", present * factor, str(number.bound))
+    if low is None:
+        low = 0.5
     if high is None:  # as far as all of them may go
-        now = ((one.bound.high, float(one.current(design))) for one in each)
-        high = min(2.0, *(most / value for most, value in now if value > 0))
-    low = 0.5 if low is None else low
-    return CommonFactor(name, each, low, high)
+        high = 2.0
+        for number in each:
+            present = float(number.current(design))
+            if present > 0:
+                high = min(high, number.bound.high / present)
+    return CommonFactor(name=name, each=each, low=low, high=high)

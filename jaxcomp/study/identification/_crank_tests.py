@@ -19,7 +19,7 @@ from .._problem import value_of
 from .._variables import variable
 from ..rating import solve_rated
 from ._least_squares import Parameter
-from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
+from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual, usual
 
 if TYPE_CHECKING:
     from ...crank import Shooting
@@ -96,13 +96,32 @@ class Trace(AbstractMeasurement):
     def nuisances(self):
         """Angle of the top dead centre; offset and gain of the pressure; gain of the lifts."""
         out = [
-            Parameter("top_dead_centre", -0.1, 0.1, 0.0, 0.0, 0.3 * _DEGREE, False, "rad"),
+            Parameter(
+                name="top_dead_centre",
+                low=-0.1,
+                high=0.1,
+                start=0.0,
+                prior=0.0,
+                sd=0.3 * _DEGREE,
+                log=False,
+                unit="rad",
+            ),
         ]
         if "pressure" in self.quantities:
-            out.append(Parameter("pressure_offset", -1e5, 1e5, 0.0, 0.0, 1e3, False, "Pa"))
-            out.append(Parameter("pressure_gain", 0.8, 1.25, 1.0, 1.0, 0.01))
+            offset = Parameter(
+                name="pressure_offset",
+                low=-1e5,
+                high=1e5,
+                start=0.0,
+                prior=0.0,
+                sd=1e3,
+                log=False,
+                unit="Pa",
+            )
+            gain = Parameter("pressure_gain", low=0.8, high=1.25, start=1.0, prior=1.0, sd=0.01)
+            out += [offset, gain]
         if any("lift" in name for name in self.quantities):
-            out.append(Parameter("lift_gain", 0.5, 2.0, 1.0, 1.0, 0.02))
+            out.append(Parameter("lift_gain", low=0.5, high=2.0, start=1.0, prior=1.0, sd=0.02))
         return tuple(out)
 
     def entries(self, sd):
@@ -110,18 +129,18 @@ class Trace(AbstractMeasurement):
         size = np.array([self._usual_deviation(row, sd) for row in range(shape[0])])
         # Neighbours on a trace err alike: wider deviations let it count as `independent` readings.
         many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
-        deviation = given_or_usual(self.sd, np.broadcast_to(size[:, None], shape)) * many
+        deviation = stated_or_usual(self.sd, np.broadcast_to(size[:, None], shape)) * many
         rows, columns = np.nonzero(np.isfinite(self.measured))
         return Entries(
-            tuple(self.quantities[row] for row in rows),
-            {name: Kind(self.MEASURED[name], name == "speed") for name in self.quantities},
-            np.zeros(rows.size, int),
-            rows * shape[1] + columns,
-            self.measured[rows, columns],
-            deviation[rows, columns],
-            tuple(f"{self.angle[n] / _DEGREE:.4g} deg" for n in columns),
-            {"crank_angle": self.angle[columns]},
-            {"crank_angle": "rad"},
+            quantity=tuple(self.quantities[row] for row in rows),
+            kinds={name: Kind(self.MEASURED[name], name == "speed") for name in self.quantities},
+            point=np.zeros(rows.size, int),
+            column=rows * shape[1] + columns,
+            measured=self.measured[rows, columns],
+            sd=deviation[rows, columns],
+            names=tuple(f"{self.angle[n] / _DEGREE:.4g} deg" for n in columns),
+            conditions={"crank_angle": self.angle[columns]},
+            units={"crank_angle": "rad"},
         )
 
     def _usual_deviation(self, row: int, sd: Mapping[str, float]) -> float:
@@ -131,14 +150,18 @@ class Trace(AbstractMeasurement):
             BadInput: nothing was measured, or zero alone, of which no share is a deviation.
         """
         name = self.quantities[row]
-        there = np.isfinite(self.measured[row])
-        samples = self.measured[row][there]
+        measured = np.isfinite(self.measured[row])
+        samples = self.measured[row][measured]
         if not samples.size:
             raise BadInput(f"{self.source}: {name}", "empty", "measured at one angle at least")
-        if self.sd is not None and np.isfinite(self.sd[row][there]).all():
+        if self.sd is not None and np.isfinite(self.sd[row][measured]).all():
             return np.nan  # every sample has its own
-        share = usual(name, sd, 0.001 if name == "speed" else 0.01)
-        size = np.mean(samples) if name == "speed" else np.ptp(samples)
+        if name == "speed":
+            share = usual(name, sd, 0.001)
+            size = np.mean(samples)
+        else:
+            share = usual(name, sd, 0.01)
+            size = np.ptp(samples)
         if size == 0:
             # a flat line has no range; a sensor errs by a share of what it shows all the same
             size = np.abs(samples).max()
@@ -153,24 +176,25 @@ class Trace(AbstractMeasurement):
 
     def at(self, machine, nuisances, point):
         angles, settings = point
-        own = dict(zip([one.name for one in self.nuisances], nuisances, strict=True))
-        here = _conditioned(machine, self.paths, settings).as_compressor()
-        if isinstance(here.gas, Cylinder):
-            orbit = solve_rated(here, Collocation(reversals=0, estimate=False), self.solver)
+        names = [parameter.name for parameter in self.nuisances]
+        constants = dict(zip(names, nuisances, strict=True))
+        compressor = _conditioned(machine, self.paths, settings).as_compressor()
+        if isinstance(compressor.gas, Cylinder):
+            orbit = solve_rated(compressor, Collocation(reversals=0, estimate=False), self.solver)
         else:
-            orbit = solve_orbit(here, self.solver, throw=False)
-        at = angles - own["top_dead_centre"]
+            orbit = solve_orbit(compressor, self.solver, throw=False)
+        at = angles - constants["top_dead_centre"]
         cycle = cast(Any, orbit.cycle)
         out = []
         for name in self.quantities:
             if name == "speed":
                 out.append(orbit.speed_at(at))
             elif name == "pressure":
-                gain = own["pressure_gain"]
-                offset = own["pressure_offset"]
+                gain = constants["pressure_gain"]
+                offset = constants["pressure_offset"]
                 out.append(offset + gain * cycle.pressure_at(at))
             else:
-                out.append(own["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
+                out.append(constants["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
         ok = orbit.converged if cycle is None else orbit.converged & cycle.converged
         return jnp.concatenate(out), ok
 
@@ -219,32 +243,32 @@ class Table(AbstractMeasurement):
         for n, name in enumerate(self.quantities):
             unit = quantity_named(name).unit
             kinds[name] = Kind(unit, unit not in ("K", "rad"))
-            size = {"K": usual(name, sd, 2.0), "rad": usual(name, sd, _DEGREE)}.get(unit)
-            share = usual(name, sd, 0.01) * np.abs(self.measured[:, n])
-            deviation[:, n] = share if size is None else size
-        deviation = given_or_usual(self.sd, deviation)
+            if unit == "K":
+                deviation[:, n] = usual(name, sd, 2.0)
+            elif unit == "rad":
+                deviation[:, n] = usual(name, sd, _DEGREE)
+            else:
+                deviation[:, n] = usual(name, sd, 0.01) * np.abs(self.measured[:, n])
+        deviation = stated_or_usual(self.sd, deviation)
         rows, columns = np.nonzero(np.isfinite(self.measured))
         units = self.units or ("",) * len(self.paths)
-        looks = [
-            shown(path, unit, values)
-            for path, unit, values in zip(self.paths, units, self.settings.T, strict=True)
-        ]
+        looks = list(map(shown, self.paths, units, self.settings.T))
 
         def label(row):
             pairs = zip(row, looks, strict=True)
-            return ", ".join(one.drawn.text(x) for x, one in pairs)
+            return ", ".join(look.drawn.text(x) for x, look in pairs)
 
         labels = [label(row) or "the machine" for row in self.settings]
         return Entries(
-            tuple(self.quantities[n] for n in columns),
-            kinds,
-            rows,
-            columns,
-            self.measured[rows, columns],
-            deviation[rows, columns],
-            tuple(labels[n] for n in rows),
-            {path: self.settings[rows, n] for n, path in enumerate(self.paths)},
-            dict(zip(self.paths, units, strict=True)),
+            quantity=tuple(self.quantities[n] for n in columns),
+            kinds=kinds,
+            point=rows,
+            column=columns,
+            measured=self.measured[rows, columns],
+            sd=deviation[rows, columns],
+            names=tuple(labels[n] for n in rows),
+            conditions={path: self.settings[rows, n] for n, path in enumerate(self.paths)},
+            units=dict(zip(self.paths, units, strict=True)),
         )
 
     def points(self, machine):
@@ -254,6 +278,6 @@ class Table(AbstractMeasurement):
     def at(self, machine, nuisances, point):
         del nuisances
         options = AnalysisOptions(self.solver)
-        found = DesignResult(_conditioned(machine, self.paths, point), options)
-        values = jnp.stack([jnp.asarray(value_of(name, found), float) for name in self.quantities])
-        return values, found.ok & jnp.all(jnp.isfinite(values))
+        result = DesignResult(_conditioned(machine, self.paths, point), options)
+        values = jnp.stack([jnp.asarray(value_of(name, result), float) for name in self.quantities])
+        return values, result.ok & jnp.all(jnp.isfinite(values))

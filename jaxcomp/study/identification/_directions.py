@@ -40,8 +40,7 @@ class Direction(NamedTuple):
 
 def directions_of(problem: LeastSquares, t: NDArray, slope: NDArray) -> Iterator[Direction]:
     """Combinations of parameters by how well the readings alone tell them."""
-    # ln p as it is, so that a step of 0.1 is 10 %; linear parameters in their reach
-    unit = np.array([1.0 if one.log else one.reach for one in problem.parameters])
+    unit = _units(problem.parameters)
     _, singular, rows = np.linalg.svd(slope * unit, full_matrices=True)
     singular = np.concatenate([singular, np.zeros(t.size - singular.size)])
     for number, (value, entries) in enumerate(zip(singular, rows, strict=True), 1):
@@ -53,40 +52,49 @@ def directions_of(problem: LeastSquares, t: NDArray, slope: NDArray) -> Iterator
         weak = bool(value * far < _WEAK)
         unidentifiable = bool(value <= _UNIDENTIFIABLE * max(singular[0], 1e-300))
         effect = float(value * np.linalg.norm(move))
-        last = number == t.size
-        if (weak or unidentifiable or last) and not problem.interrupted:
+        worst_known = number == t.size
+        if (weak or unidentifiable or worst_known) and not problem.interrupted:
             # of the finite move where it is told
-            moved, here = (problem.at(at)[0][: slope.shape[0]] for at in (t + move * unit, t))
-            finite = float(np.linalg.norm(moved - here))
+            readings = slope.shape[0]
+            moved, _ = problem.at(t + move * unit)
+            unmoved, _ = problem.at(t)
+            finite = float(np.linalg.norm(moved[:readings] - unmoved[:readings]))
             # by the slopes where the machine so moved has no solution at some point
-            effect = finite if np.isfinite(finite) else effect
+            if np.isfinite(finite):
+                effect = finite
         yield Direction(
-            float(value),
-            entries,
-            weak,
-            unidentifiable,
-            _words(problem.parameters, move * unit),
-            effect,
+            singular=float(value),
+            entries=entries,
+            weak=weak,
+            unidentifiable=unidentifiable,
+            words=_words(problem.parameters, move * unit),
+            effect=effect,
         )
 
 
 def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
     """A move in t in words: the largest first, and how many others go along."""
-    size = np.abs(move / [1.0 if one.log else one.reach for one in parameters])
+    size = np.abs(move / _units(parameters))
     order = np.argsort(-size, kind="stable")
-    told = [n for n in order if size[n] >= _NAMED * size.max()]
+    named = [n for n in order if size[n] >= _NAMED * size.max()]
     parts = []
-    for n in told[:_MOST_NAMED]:
+    for n in named[:_MOST_NAMED]:
         parameter = parameters[n]
-        way = "up" if move[n] > 0 else "down"
+        sense = "up" if move[n] > 0 else "down"
         amount = f"{abs(move[n]):.2g} {parameter.unit}".strip()
         if parameter.log:
             amount = f"{100 * abs(move[n]):.2g} %"
-        parts.append(f"{in_words(parameter.name)} {way} {amount}")
-    first = parts[0]
-    rest = parts[1:]
-    words = first + (f" with {' and '.join(rest)}" if rest else "")
-    others = len(told) - len(parts)
-    if others:
-        words += f", and {others} other{'s' if others > 1 else ''} by less"
+        parts.append(f"{in_words(parameter.name)} {sense} {amount}")
+    words = parts[0]
+    if len(parts) > 1:
+        words += f" with {' and '.join(parts[1:])}"
+    omitted = len(named) - len(parts)
+    if omitted:
+        noun = "others" if omitted > 1 else "other"
+        words += f", and {omitted} {noun} by less"
     return words
+
+
+def _units(parameters: Sequence[Parameter]) -> NDArray:
+    """Unit of each parameter in t: ln p as it is, so that 0.1 is 10 %; linear ones in their reach."""
+    return np.array([1.0 if parameter.log else parameter.reach for parameter in parameters])

@@ -115,12 +115,13 @@ class Fit:
     @property
     def prior_share(self) -> NDArray:
         """(p,) standard error over that of the prior; not a number without one."""
-        return np.array([
-            np.nan if one.prior_width is None else error / one.slope(value) / one.prior_width
-            for one, error, value in zip(
-                self.parameters, self.standard_error, self.estimate, strict=True
-            )
-        ])  # fmt: skip
+        shares = np.full(len(self.parameters), np.nan)
+        error = self.standard_error
+        for n, parameter in enumerate(self.parameters):
+            if parameter.prior_width is not None:
+                # over dp/dt, since the width of the prior is one of t
+                shares[n] = error[n] / parameter.slope(self.estimate[n]) / parameter.prior_width
+        return shares
 
     @property
     def p_value(self) -> float:
@@ -153,9 +154,14 @@ class Fit:
         value = np.asarray(value, float)
         slope = np.asarray(slope, float)
         model = np.sqrt(np.einsum("np,pq,nq->n", slope, self.covariance, slope))
-        whole = np.hypot(model, sd)
-        plain, inflated = (self._quantile(0.95, kind) * whole for kind in (False, True))
-        return Prediction(value, model, whole, plain, inflated)
+        total = np.hypot(model, sd)
+        return Prediction(
+            value=value,
+            model_sd=model,
+            sd=total,
+            half_width=self._quantile(0.95, inflated=False) * total,
+            inflated=self._quantile(0.95, inflated=True) * total,
+        )
 
     def profile(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of a parameter over which chi-square rises by its quantile.
@@ -169,30 +175,34 @@ class Fit:
         Raises:
             BadInput: no such parameter, or a fit that was loaded and has no model.
         """
-        names = [one.name for one in self.parameters]
+        names = [parameter.name for parameter in self.parameters]
         if name not in names:
             raise BadInput("name", name, one_of(name, names))
         if self.model is None:
             raise BadInput("model", "absent", "that of the fit, for a profile")
-        at, rise = names.index(name), stats.chi2.ppf(level, 1)
-        one = self.parameters[at]
+        at = names.index(name)
+        rise = stats.chi2.ppf(level, 1)
+        parameter = self.parameters[at]
         problem = LeastSquares(self.model, self.parameters, self.measured, self.sd, self.weight)
-        centre = one.scaled(self.estimate[at])
+        centre = parameter.scaled(self.estimate[at])
         error = self.standard_error[at]
-        error = float(error / one.slope(self.estimate[at]))
-        last = problem.scaled(self.estimate)
+        error = float(error / parameter.slope(self.estimate[at]))
+        estimate = problem.scaled(self.estimate)
 
         def excess(t: float) -> float:
             """Root of the rise of chi-square over the wanted one; nearly linear in t."""
-            begin = last.copy()
+            begin = estimate.copy()
             begin[at] = t
-            free = np.arange(last.size) != at
-            found = problem.solve(begin, self.loss, free)
-            grown = np.inf if found is None else max(2 * found.cost - self._cost(problem), 0.0)
+            free = np.arange(estimate.size) != at
+            answer = problem.solve(begin, self.loss, free)
+            grown = np.inf if answer is None else max(2 * answer.cost - self._cost(problem), 0.0)
             return float(np.sqrt(grown / rise)) - 1
 
         ends = []
-        for sign, bound in ((-1, one.scaled(one.low)), (1, one.scaled(one.high))):
+        for sign, bound in (
+            (-1, parameter.scaled(parameter.low)),
+            (1, parameter.scaled(parameter.high)),
+        ):
             end = centre + sign * np.sqrt(rise) * error
             end = max(end, bound) if sign < 0 else min(end, bound)
             over = -1.0
@@ -208,7 +218,7 @@ class Fit:
                 ends.append(np.nan)
                 continue
             root = optimize.brentq(excess, centre, end, xtol=1e-7 * error, rtol=1e-13)
-            ends.append(float(np.exp(root)) if one.log else float(root))
+            ends.append(float(np.exp(root)) if parameter.log else float(root))
         return ends[0], ends[1]
 
     def _cost(self, problem: LeastSquares) -> float:
@@ -261,30 +271,33 @@ def fit(
     """
     parameters = tuple(parameters)
     measured = np.asarray(measured, float)
-    sd, weight = (np.broadcast_to(np.asarray(a, float), measured.shape) for a in (sd, weight))
+    sd = np.broadcast_to(np.asarray(sd, float), measured.shape)
+    weight = np.broadcast_to(np.asarray(weight, float), measured.shape)
     check_problem(parameters, measured, sd, weight, loss)
     problem = LeastSquares(model, parameters, measured, sd, weight)
-    problem.told = lambda: keep and keep(problem.values(problem.best[1]), 2 * problem.best[0])
-    first = problem.scaled([one.start for one in parameters])
+    if keep is not None:
+        problem.improved = lambda cost, t: keep(problem.values(t), 2 * cost)
+    first = problem.scaled([parameter.start for parameter in parameters])
     points = [first]
     if starts > 1:
         cube = qmc.LatinHypercube(first.size, rng=seed).random(starts - 1)
         points += list(problem.low + cube * (problem.high - problem.low))
-    answers, number = [], 0
+    answers = []
+    number = 0
     for number, point in enumerate(_with_others(points, answers, problem, seed), 1):
         if progress is not None:
             best = f"chi-square {2 * problem.best[0]:.4g} so far" if answers else "the first"
             progress(f"start {number} of {max(number, len(points))}, {best}")
-        found = problem.solve(point, loss)
-        if found is not None:
-            answers.append(found)
+        answer = problem.solve(point, loss)
+        if answer is not None:
+            answers.append(answer)
         if problem.interrupted:
             break
     if not answers:
         value, _ = problem.of_model(first)
         bad = np.flatnonzero(~np.isfinite(value) & (weight > 0))
         raise BadInput("start", bad.tolist(), "one at which all readings have a computed value")
-    best = min(answers, key=lambda one: one.cost)
+    best = min(answers, key=lambda answer: answer.cost)
     return _fit(problem, best, answers, loss, number - len(answers))
 
 
@@ -295,7 +308,7 @@ def _with_others(points, answers, problem: LeastSquares, seed: int) -> Iterator[
     span = problem.high - problem.low
     cube = qmc.LatinHypercube(first.size, rng=seed + 1).random(_OTHERS)
     for share in cube:
-        if not answers or not all(one.stuck for one in answers) or problem.interrupted:
+        if not answers or not all(answer.stuck for answer in answers) or problem.interrupted:
             return
         # nearer than the others, as a machine that runs is likely to be
         other = first + _NEARBY * (share - 0.5) * span
@@ -315,7 +328,7 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
     weighted[:readings] *= np.sqrt(robust)[:, None]
     inverse = _inverse(weighted, problem.reach)
     values = problem.values(t)
-    scale = np.array([one.slope(v) for one, v in zip(parameters, values, strict=True)])
+    scale = np.array([parameter.slope(v) for parameter, v in zip(parameters, values, strict=True)])
     span = problem.high - problem.low
     return Fit(
         parameters=parameters,
@@ -348,19 +361,21 @@ def _inverse(slope: NDArray, reach: NDArray) -> NDArray:
     # Scaled by the reach of each parameter, so that the decomposition sees numbers of one size; by
     # singular values, as the product of slopes would square their range.
     _, singular, rows = np.linalg.svd(slope * reach, full_matrices=False)
-    known = singular > 1e-14 * singular[0]
-    inverse = (rows[known].T / singular[known] ** 2) @ rows[known] * np.outer(reach, reach)
+    determined = singular > 1e-14 * singular[0]
+    inverse = (
+        (rows[determined].T / singular[determined] ** 2) @ rows[determined] * np.outer(reach, reach)
+    )
     # A direction that nothing tells stays out; what it moves has no finite error.
-    lost = (np.abs(rows[~known]) > 1e-6).any(axis=0)
-    inverse[lost, lost] = np.inf
+    undetermined = (np.abs(rows[~determined]) > 1e-6).any(axis=0)
+    inverse[undetermined, undetermined] = np.inf
     return inverse
 
 
 def _other_minima(problem: LeastSquares, best, answers, error: NDArray) -> Iterator[Minimum]:
     """Where other starts ended nearly as low, each place once; `error` tells places apart."""
-    seen = [best.x]
-    for one in sorted(answers, key=lambda one: one.cost):
-        near = 2 * (one.cost - best.cost) < _NEAR
-        if near and all((np.abs(one.x - other) > _APART * error).any() for other in seen):
-            seen.append(one.x)
-            yield Minimum(problem.values(one.x), 2 * float(one.cost))
+    places = [best.x]
+    for answer in sorted(answers, key=lambda answer: answer.cost):
+        near = 2 * (answer.cost - best.cost) < _NEAR
+        if near and all((np.abs(answer.x - other) > _APART * error).any() for other in places):
+            places.append(answer.x)
+            yield Minimum(problem.values(answer.x), 2 * float(answer.cost))

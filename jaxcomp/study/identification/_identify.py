@@ -58,39 +58,49 @@ def identify(
             does not vary alone, fewer readings than constants, or points that have no solution at the
             start.
     """
-    given = measurements if isinstance(measurements, Sequence) else [measurements]
-    design, prior = machine_of(machine), dict(prior or {})
-    given = [one.for_machine(design) for one in given]
-    for one in given:
-        one.check(design)
-        one.check_limits(design, list(vary))
-    known = list(dict.fromkeys(name for one in given for name in one.names_of_sd))
-    for name in (sd or {}).keys() - set(known):
-        raise BadInput("sd", name, one_of(name, known))
-    variables, parameters = _parameters(design, vary, prior)
-    model = ReadingModel(design, tuple(variables), given, sd or {})
+    if not isinstance(measurements, Sequence):
+        measurements = [measurements]
+    design = machine_of(machine)
+    measurements = [measurement.for_machine(design) for measurement in measurements]
+    quantities = {}
+    for measurement in measurements:
+        measurement.check(design)
+        measurement.check_limits(design, list(vary))
+        quantities |= dict.fromkeys(measurement.names_of_sd)
+    for name in (sd or {}).keys() - quantities.keys():
+        raise BadInput("sd", name, one_of(name, list(quantities)))
+    variables, parameters = _parameters(design, vary, dict(prior or {}))
+    model = ReadingModel(design, tuple(variables), measurements, sd or {})
     parameters += model.nuisances
     for number in hold_out:
         if not 0 <= number < model.count:
             raise BadInput("hold_out", number, f"a point from 0 to {model.count - 1}")
     entries = model.entries
-    seen = ~np.isin(entries.point, np.asarray(hold_out, int))
-    wanted = sorted(set(entries.point[seen].tolist()))
-    check_problem(parameters, entries.measured, entries.sd, seen, loss)
-    _check_start(model, parameters, wanted, seen)
-    found = fit(
-        lambda p: model(p, wanted), parameters, entries.measured, entries.sd,
-        weight=seen, loss=loss, starts=starts, seed=seed, progress=progress, keep=keep,
-    )  # fmt: skip
-    return _identification(found, model, variables, wanted)
+    fitted = ~np.isin(entries.point, np.asarray(hold_out, int))
+    points = sorted(set(entries.point[fitted].tolist()))
+    check_problem(parameters, entries.measured, entries.sd, fitted, loss)
+    _check_start(model, parameters, points, fitted)
+    result = fit(
+        lambda p: model(p, points),
+        parameters,
+        entries.measured,
+        entries.sd,
+        weight=fitted,
+        loss=loss,
+        starts=starts,
+        seed=seed,
+        progress=progress,
+        keep=keep,
+    )
+    return _identification(result, model, variables, points)
 
 
 def _check_start(
-    model: ReadingModel, parameters: list[Parameter], wanted: list[int], seen: NDArray
+    model: ReadingModel, parameters: list[Parameter], points: list[int], fitted: NDArray
 ) -> None:
     """That all points which the fit sees have a solution with the values it begins with."""
-    first, _ = model(np.array([one.start for one in parameters]), wanted)
-    bad = np.flatnonzero(seen & ~np.isfinite(first))
+    first, _ = model(np.array([parameter.start for parameter in parameters]), points)
+    bad = np.flatnonzero(fitted & ~np.isfinite(first))
     if bad.size:
         failed = sorted({model.entries.names[row] for row in bad})
         bound = "one with a solution with the machine's values; leave it out or begin elsewhere"
@@ -98,20 +108,24 @@ def _check_start(
 
 
 def _identification(
-    found: Fit, model: ReadingModel, variables: list[Variable | CommonFactor], wanted: list[int]
+    result: Fit, model: ReadingModel, variables: list[Variable | CommonFactor], points: list[int]
 ) -> Identification:
     """The result of a fit, with what the machine says of all points."""
     entries = model.entries
-    value, slope = model(found.estimate, wanted if found.interrupted else range(model.count))
-    said = found.predict(value, slope, entries.sd)
+    # who interrupts waits for no further points
+    computed = points if result.interrupted else range(model.count)
+    value, slope = model(result.estimate, computed)
+    directions = result.directions
+    hardly_known = [each for each in directions if each.weak or each.unidentifiable]
+    prediction = result.predict(value, slope, entries.sd)
     return Identification(
-        parameters=tuple(one.name for one in found.parameters),
-        units=tuple(one.unit for one in found.parameters),
-        estimate=jnp.asarray(found.estimate),
-        standard_error=jnp.asarray(found.standard_error),
-        covariance=jnp.asarray(found.covariance),
-        start=jnp.asarray([one.start for one in found.parameters]),
-        prior_share=jnp.asarray(found.prior_share),
+        parameters=tuple(parameter.name for parameter in result.parameters),
+        units=tuple(parameter.unit for parameter in result.parameters),
+        estimate=jnp.asarray(result.estimate),
+        standard_error=jnp.asarray(result.standard_error),
+        covariance=jnp.asarray(result.covariance),
+        start=jnp.asarray([parameter.start for parameter in result.parameters]),
+        prior_share=jnp.asarray(result.prior_share),
         constants=len(variables),
         quantity=entries.quantity,
         kinds=dict(entries.kinds),
@@ -120,25 +134,31 @@ def _identification(
         conditions={k: jnp.asarray(v) for k, v in entries.conditions.items()},
         condition_units=dict(entries.units),
         measured=jnp.asarray(entries.measured),
-        computed=jnp.asarray(said.value),
+        computed=jnp.asarray(prediction.value),
         sd=jnp.asarray(entries.sd),
-        half_width=jnp.asarray(said.inflated),
-        used=jnp.asarray(found.weight > 0),
-        chi_square=jnp.asarray(found.chi_square),
-        p_value=jnp.asarray(found.p_value),
-        freedom=jnp.asarray(found.freedom),
-        weak=tuple(one.words for one in found.directions if one.weak or one.unidentifiable),
-        notes=(*notes_of(found, model, value), *model.warnings(wanted)),
+        half_width=jnp.asarray(prediction.inflated),
+        used=jnp.asarray(result.weight > 0),
+        chi_square=jnp.asarray(result.chi_square),
+        p_value=jnp.asarray(result.p_value),
+        freedom=jnp.asarray(result.freedom),
+        weak=tuple(direction.words for direction in hardly_known),
+        notes=(*notes_of(result, model, value), *model.warnings(points)),
         source=model.source,
-        fit=found,
-        machine=changed(model.design, variables, jnp.asarray(found.estimate)),
+        fit=result,
+        machine=changed(model.design, variables, jnp.asarray(result.estimate)),
         study=model,
-        bounds=jnp.asarray([(one.low, one.high) for one in found.parameters], float),
+        bounds=jnp.asarray(
+            [(parameter.low, parameter.high) for parameter in result.parameters], float
+        ),
     )
 
 
-def _names(one: Variable | CommonFactor) -> list[str]:
-    return [each.name for each in one.each] if isinstance(one, CommonFactor) else [one.name]
+def _names(unknown: Variable | CommonFactor) -> list[str]:
+    return (
+        [number.name for number in unknown.each]
+        if isinstance(unknown, CommonFactor)
+        else [unknown.name]
+    )
 
 
 def _parameters(
@@ -148,27 +168,38 @@ def _parameters(
         raise BadInput("prior", name, one_of(name, vary) + ", which are varied")
     variables = []
     parameters = []
-    taken = {}
+    owners = {}
     for name, bounds in vary.items():
         if name == "motor.mean_speed":
             raise BadInput(
                 name, "varied", "given; vary mechanism.bore, which acts as the speed does"
             )
-        whole = varied(design, name)
-        now = float(whole.current(design))
-        low, high = (0.5 * now, min(2 * now, whole.high)) if bounds is None else bounds
-        if bounds is None and not now > 0:
-            raise BadInput(name, now, "a value above 0, or bounds as LO:HI")
-        one = varied(design, name, low, high)
-        for other in _names(one):
-            if other in taken:
-                raise BadInput(name, other, f"varied once; {taken[other]} has it already")
-            taken[other] = name
+        unbounded = varied(design, name)
+        present = float(unbounded.current(design))
+        if bounds is None:
+            if not present > 0:
+                raise BadInput(name, present, "a value above 0, or bounds as LO:HI")
+            bounds = 0.5 * present, min(2 * present, unbounded.high)
+        low, high = bounds
+        unknown = varied(design, name, low, high)
+        for path in _names(unknown):
+            if path in owners:
+                raise BadInput(name, path, f"varied once; {owners[path]} has it already")
+            owners[path] = name
         mean, width = prior.get(name, (None, None))
         if width is not None and not width > 0:
             raise BadInput(f"prior of {name}", width, "a positive standard deviation")
-        log = low > 0 and one.unit not in ("rad", "K")
-        begin = float(np.clip(now, low, high))
-        variables.append(one)
-        parameters.append(Parameter(name, low, high, begin, mean, width, log, one.unit))
+        parameter = Parameter(
+            name=name,
+            low=low,
+            high=high,
+            start=float(np.clip(present, low, high)),
+            prior=mean,
+            sd=width,
+            # angles and temperatures have no zero that a ratio could count from
+            log=low > 0 and unknown.unit not in ("rad", "K"),
+            unit=unknown.unit,
+        )
+        variables.append(unknown)
+        parameters.append(parameter)
     return variables, parameters

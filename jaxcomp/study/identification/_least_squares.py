@@ -83,18 +83,24 @@ def check_problem(parameters, measured, sd, weight, loss) -> None:
     """Raise what `fit` raises of its arguments, before the model is asked for anything."""
     if loss not in LOSSES:
         raise BadInput("loss", loss, one_of(loss, LOSSES))
-    for one in parameters:
-        if not one.low < one.high or (one.log and one.low <= 0):
-            raise BadInput(one.name, one.low, f"a range of positive width up to {one.high:g}")
-        if not one.low <= one.start <= one.high:
-            raise BadInput(one.name, one.start, f"within {one.low:g} to {one.high:g} at the start")
+    for parameter in parameters:
+        if not parameter.low < parameter.high or (parameter.log and parameter.low <= 0):
+            raise BadInput(
+                parameter.name, parameter.low, f"a range of positive width up to {parameter.high:g}"
+            )
+        if not parameter.low <= parameter.start <= parameter.high:
+            raise BadInput(
+                parameter.name,
+                parameter.start,
+                f"within {parameter.low:g} to {parameter.high:g} at the start",
+            )
     used = weight > 0
     if not np.all(sd[used] > 0) or not np.all(np.isfinite(measured[used])):
         raise BadInput("sd", sd, "positive, and every reading finite")
-    given = int(used.sum()) + sum(one.prior_width is not None for one in parameters)
-    if given < len(parameters):
+    count = int(used.sum()) + sum(parameter.prior_width is not None for parameter in parameters)
+    if count < len(parameters):
         bound = f"at least {len(parameters)}, one for each parameter; give more readings or priors"
-        raise BadInput("readings and priors", given, bound)
+        raise BadInput("readings and priors", count, bound)
 
 
 class _Settled(Exception):
@@ -110,38 +116,43 @@ class LeastSquares:
         self.measured = measured
         self.sd = sd
         self.weight = weight
-        self.rows = [n for n, one in enumerate(parameters) if one.prior_width is not None]
-        self.low = np.array([one.scaled(one.low) for one in parameters])
-        self.high = np.array([one.scaled(one.high) for one in parameters])
-        self.reach = np.array([one.reach for one in parameters])
+        self.rows = [
+            n for n, parameter in enumerate(parameters) if parameter.prior_width is not None
+        ]
+        self.low = np.array([parameter.scaled(parameter.low) for parameter in parameters])
+        self.high = np.array([parameter.scaled(parameter.high) for parameter in parameters])
+        self.reach = np.array([parameter.reach for parameter in parameters])
         # SciPy asks for residuals and slopes apart, the model gives both at once.
-        self._last: tuple[bytes, tuple[NDArray, NDArray]] | None = None
+        self._evaluated: tuple[bytes, tuple[NDArray, NDArray]] | None = None
         self.best = (np.inf, np.zeros(0))
         self.interrupted = False
-        self.told: Callable[[], object] = lambda: None
+        # called with cost and t whenever they are the best so far
+        self.improved: Callable[[float, NDArray], object] = lambda cost, t: None
 
     def scaled(self, values: ArrayLike) -> NDArray:
         pairs = zip(self.parameters, np.asarray(values, float), strict=True)
-        return np.array([one.scaled(value) for one, value in pairs])
+        return np.array([parameter.scaled(value) for parameter, value in pairs])
 
     def values(self, t: NDArray) -> NDArray:
         pairs = zip(self.parameters, t, strict=True)
-        return np.array([np.exp(x) if one.log else x for one, x in pairs])
+        return np.array([np.exp(x) if parameter.log else x for parameter, x in pairs])
 
     def of_model(self, t: NDArray) -> tuple[NDArray, NDArray]:
         """Values and slopes over the parameters; those of the last t are kept."""
         key = t.tobytes()
-        if self._last is None or self._last[0] != key:
+        if self._evaluated is None or self._evaluated[0] != key:
             value, slope = self.model(self.values(t))
-            self._last = key, (np.asarray(value, float), np.asarray(slope, float))
-        return self._last[1]
+            self._evaluated = key, (np.asarray(value, float), np.asarray(slope, float))
+        return self._evaluated[1]
 
     def at(self, t: NDArray) -> tuple[NDArray, NDArray]:
         """Residuals and slopes over t. Readings without weight are zero even where the model fails."""
         value, slope = self.of_model(t)
         values = self.values(t)
         # dp/dt, because the model's slopes are over p.
-        scale = np.array([one.slope(v) for one, v in zip(self.parameters, values, strict=True)])
+        scale = np.array(
+            [parameter.slope(v) for parameter, v in zip(self.parameters, values, strict=True)]
+        )
         used = self.weight > 0
         factor = np.where(used, np.sqrt(self.weight) / self.sd, 0.0)
         residual = np.where(used, (value - self.measured) * factor, 0.0)
@@ -149,9 +160,9 @@ class LeastSquares:
         prior = np.zeros(len(self.rows))
         prior_slope = np.zeros((len(self.rows), t.size))
         for row, n in enumerate(self.rows):
-            one = self.parameters[n]
-            prior[row] = (t[n] - one.scaled(one.prior)) / one.prior_width
-            prior_slope[row, n] = 1 / one.prior_width
+            parameter = self.parameters[n]
+            prior[row] = (t[n] - parameter.scaled(parameter.prior)) / parameter.prior_width
+            prior_slope[row, n] = 1 / parameter.prior_width
         return np.concatenate([residual, prior]), np.concatenate([slope, prior_slope])
 
     def loss(self, name: str):
@@ -163,16 +174,16 @@ class LeastSquares:
         def rho(z):
             # As SciPy wants them: rho, rho' and rho'' over z, the squares of the residuals.
             out = np.stack([z, np.ones_like(z), np.zeros_like(z)])
-            own = z[:readings]
+            squares = z[:readings]
             plain = np.stack([z, np.ones_like(z), np.zeros_like(z)])
             if name == "soft_l1":
-                root = np.sqrt(1 + own)
+                root = np.sqrt(1 + squares)
                 robust = np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
             else:
                 # Both branches are computed: at least one, so that nothing is divided by zero.
-                far = np.sqrt(np.maximum(own, 1.0))
+                far = np.sqrt(np.maximum(squares, 1.0))
                 robust = np.where(
-                    own <= 1,
+                    squares <= 1,
                     plain[:, :readings],
                     np.stack([2 * far - 1, 1 / far, -0.5 / far**3]),
                 )
@@ -190,14 +201,14 @@ class LeastSquares:
         """SciPy's answer from a start, with `x` all of t; `None` where the model has no value there."""
         free = np.ones(start.size, bool) if free is None else free
 
-        def whole(x):
+        def full_t(x):
             t = start.copy()
             t[free] = x
             return t
 
         try:
             with interrupts_raised():
-                return self._solve(start, loss, free, whole)
+                return self._solve(start, loss, free, full_t)
         except _Settled as settled:
             cost, t, count, lost = settled.args
             stuck = self.stuck(start, t, lost)
@@ -216,32 +227,37 @@ class LeastSquares:
         """Whether a start never moved because steps from it, so many, have no value."""
         return lost > 0 and bool(np.all(np.abs(end - start) < _MOVED * (self.high - self.low)))
 
-    def _solve(self, start: NDArray, loss: str, free: NDArray, whole):
-        lowest, place, idle, count, lost, row = np.inf, start, 0, 0, 0, 0
+    def _solve(self, start: NDArray, loss: str, free: NDArray, full_t):
+        lowest = np.inf
+        place = start
+        count = 0
+        idle = 0  # evaluations in a row that gained little
+        lost = 0  # evaluations without a value
+        lost_in_row = 0
 
         def residual(x):
-            nonlocal lowest, place, idle, count, lost, row
-            t = whole(x)
-            found = self.at(t)[0]
-            cost = self.cost(found, loss)
+            nonlocal lowest, place, idle, count, lost, lost_in_row
+            t = full_t(x)
+            residuals = self.at(t)[0]
+            cost = self.cost(residuals, loss)
             count += 1
             if np.isfinite(cost):
                 # The cost is half of chi-square.
                 idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
-                row = 0
+                lost_in_row = 0
             else:
                 # no step at all: nothing is known of a minimum
-                lost = lost + 1
-                row = row + 1
+                lost += 1
+                lost_in_row += 1
             if cost < lowest:
                 lowest = cost
                 place = t
             if cost < self.best[0]:
                 self.best = cost, t
-                self.told()
-            if idle > _PATIENCE or row >= _LOST:
+                self.improved(cost, t)
+            if idle > _PATIENCE or lost_in_row >= _LOST:
                 raise _Settled(lowest, place, count, lost)
-            return found
+            return residuals
 
         if not np.all(np.isfinite(residual(start[free]))):
             return None
@@ -253,10 +269,10 @@ class LeastSquares:
         # strictly inside, as the solver wants its start
         span = self.high - self.low
         begin = np.clip(start, self.low + 1e-9 * span, self.high - 1e-9 * span)
-        found = optimize.least_squares(
+        answer = optimize.least_squares(
             residual,
             begin[free],
-            lambda x: self.at(whole(x))[1][:, free],
+            lambda x: self.at(full_t(x))[1][:, free],
             bounds=(self.low[free], self.high[free]),
             # The trust region is a ball in what each parameter may do.
             x_scale=self.reach[free],
@@ -268,9 +284,9 @@ class LeastSquares:
             gtol=1e-9,
             max_nfev=_MOST,
         )
-        found.x = whole(found.x)
-        found.lost = lost
+        answer.x = full_t(answer.x)
+        answer.lost = lost
         # else the tolerance was met by steps that shrank to nothing
-        found.stuck = self.stuck(start, found.x, lost)
-        found.success = found.success and not found.stuck
-        return found
+        answer.stuck = self.stuck(start, answer.x, lost)
+        answer.success = answer.success and not answer.stuck
+        return answer

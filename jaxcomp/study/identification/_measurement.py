@@ -99,18 +99,20 @@ class AbstractMeasurement(abc.ABC):
 
     def solved_by(self, solver: "Collocation | Shooting | None") -> Self:
         """These readings with the periodic states that they follow from found by another solver."""
-        own = any(one.name == "solver" for one in dataclasses.fields(cast(Any, self)))
-        return dataclasses.replace(cast(Any, self), solver=solver) if own else self
+        names = [field.name for field in dataclasses.fields(cast(Any, self))]
+        if "solver" not in names:
+            return self
+        return dataclasses.replace(cast(Any, self), solver=solver)
 
     @property
-    def bare(self) -> Self:
+    def without_data(self) -> Self:
         """The measurement without its data: what its program depends on, and what names that program
         where it is kept.
         """
         if not dataclasses.is_dataclass(self):
             return self
-        data = {one.name: None for one in dataclasses.fields(self) if not one.compare}
-        return cast(Self, dataclasses.replace(self, **data))
+        data = [field.name for field in dataclasses.fields(self) if not field.compare]
+        return cast(Self, dataclasses.replace(self, **dict.fromkeys(data)))
 
     @property
     def nuisances(self) -> tuple[Parameter, ...]:
@@ -126,15 +128,15 @@ class AbstractMeasurement(abc.ABC):
         """Numbers of the points, as arrays with a leading axis; they are handed to `values`."""
 
     def warnings(
-        self, used: Sequence[int], beside: Sequence[tuple[Any, Sequence[int]]]
+        self, used: Sequence[int], same_kind: Sequence[tuple[Any, Sequence[int]]]
     ) -> list[str]:
         """Warnings about points that the fit did not see, in words.
 
         Args:
             used: points that the fit saw.
-            beside: other measurements of the same kind, with the points that it saw of them.
+            same_kind: other measurements of the same kind, with the points that it saw of them.
         """
-        del used, beside
+        del used, same_kind
         return []
 
     def at(
@@ -160,21 +162,21 @@ class AbstractMeasurement(abc.ABC):
         """
         count = parameters.size
 
-        def whole(both):
-            return self.at(build(both[:count]), both[count:], point)
+        def readings(constants):
+            return self.at(build(constants[:count]), constants[count:], point)
 
-        both = jnp.concatenate([parameters, nuisances])
+        constants = jnp.concatenate([parameters, nuisances])
         # Not `jacfwd`, for the reason that `_problem` gives: `ok` could get an axis of directions.
-        values, push, ok = jax.linearize(whole, both, has_aux=True)
-        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(both.size))
+        values, push, ok = jax.linearize(readings, constants, has_aux=True)
+        slopes = jax.vmap(push, out_axes=-1)(jnp.eye(constants.size))
         return values, slopes, ok & jnp.all(jnp.isfinite(values)) & jnp.all(jnp.isfinite(slopes))
 
 
-def usual(name: str, given: Mapping[str, float], default: float) -> float:
+def usual(name: str, replacements: Mapping[str, float], default: float) -> float:
     """The standard deviation of a quantity."""
-    return float(given.get(name, default))
+    return float(replacements.get(name, default))
 
 
-def given_or_usual(given: NDArray | None, usual: NDArray) -> NDArray:
+def stated_or_usual(stated: NDArray | None, usual: NDArray) -> NDArray:
     """Standard deviations of single readings where they are given, the usual ones elsewhere."""
-    return usual if given is None else np.where(np.isfinite(given), given, usual)
+    return usual if stated is None else np.where(np.isfinite(stated), stated, usual)

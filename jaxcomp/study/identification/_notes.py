@@ -21,97 +21,97 @@ _TOGETHER = 4.0
 _LITTLE = 0.5
 
 
-def notes_of(found: Fit, model: ReadingModel, value: NDArray) -> Iterator[str]:
+def notes_of(fit: Fit, model: ReadingModel, value: NDArray) -> Iterator[str]:
     """Warnings about a fit, in words.
 
     Args:
-        found: the fit.
+        fit: the fit.
         model: whose readings were fitted.
         value: (m,) of the model at the estimate.
     """
-    yield from _of_parameters(found)
-    yield from _of_fit(found, model)
+    yield from _of_parameters(fit)
+    yield from _of_fit(fit, model)
     entries = model.entries
-    for weight, name, at in zip(found.robust, entries.quantity, entries.names, strict=True):
+    for weight, name, at in zip(fit.robust, entries.quantity, entries.names, strict=True):
         if weight < _LITTLE:
             yield f"{name} at {at} counts {weight:.0%}"
-    lost = ~np.isfinite(value) & ~(found.interrupted & (found.weight == 0))
+    lost = ~np.isfinite(value) & ~(fit.interrupted & (fit.weight == 0))
     for at in dict.fromkeys(np.array(entries.names)[lost].tolist()):
         yield f"point {at} has no solution with the estimates"
 
 
-def _of_parameters(found: Fit) -> Iterator[str]:
+def _of_parameters(fit: Fit) -> Iterator[str]:
     """Parameters and combinations that the readings do not tell."""
-    for one, held in zip(found.parameters, found.at_bound, strict=True):
+    names = [with_path(parameter.name) for parameter in fit.parameters]
+    for name, held in zip(names, fit.at_bound, strict=True):
         if held:
-            name = with_path(one.name)
             yield f"{name} is held by its bound: it is not identified, its error means nothing"
-    for one, share in zip(found.parameters, found.prior_share, strict=True):
+    for name, share in zip(names, fit.prior_share, strict=True):
         if share > _SAY_NOTHING:
-            yield f"the readings say nothing of {with_path(one.name)}: it stays at its prior"
-    used = found.weight > 0
-    silent = np.abs(found.slope[used]).max(axis=0, initial=0.0)
-    for one, most in zip(found.parameters, silent, strict=True):
-        if most == 0:
-            yield f"{with_path(one.name)} touches nothing that was measured"
-    for one in found.directions:
-        if one.unidentifiable or one.weak:
-            what = "cannot be told" if one.unidentifiable else "is hardly told"
+            yield f"the readings say nothing of {name}: it stays at its prior"
+    used = fit.weight > 0
+    steepest = np.abs(fit.slope[used]).max(axis=0, initial=0.0)
+    for name, slope in zip(names, steepest, strict=True):
+        if slope == 0:
+            yield f"{name} touches nothing that was measured"
+    for direction in fit.directions:
+        if direction.unidentifiable or direction.weak:
+            verdict = "cannot be told" if direction.unidentifiable else "is hardly told"
             yield (
-                f"a combination {what}: {one.words} changes the residuals by {one.effect:.2g} "
-                "standard deviations"
+                f"a combination {verdict}: {direction.words} changes the residuals by "
+                f"{direction.effect:.2g} standard deviations"
             )
-    if used.sum() <= len(found.parameters):
-        yield f"{used.sum()} readings for {len(found.parameters)} parameters: the priors decide"
+    if used.sum() <= len(fit.parameters):
+        yield f"{used.sum()} readings for {len(fit.parameters)} parameters: the priors decide"
 
 
-def _of_fit(found: Fit, model: ReadingModel) -> Iterator[str]:
+def _of_fit(fit: Fit, model: ReadingModel) -> Iterator[str]:
     """Whether the model explains the readings, and whether the fit is the only one."""
-    if found.stuck:
+    if fit.stuck:
         yield (
-            f"the fit never moved: none of {found.lost_steps} steps from its start has a solution at all "
+            f"the fit never moved: none of {fit.lost_steps} steps from its start has a solution at all "
             "points, nor have those of the other starts; these are the values it began with. Begin "
             "elsewhere, narrow the ranges, or leave out the points at the edge of what the machine does"
         )
-    elif found.p_value < _REJECTED:
+    elif fit.p_value < _REJECTED:
         yield (
             "the model does not explain the readings within the stated deviations: errors of the "
-            f"parameters are too small; intervals of predictions are inflated by {found.scatter:.3g}"
+            f"parameters are too small; intervals of predictions are inflated by {fit.scatter:.3g}"
         )
-        yield from law_of_speed(found, model.entries)
-    if found.p_value > _TOO_GOOD:
+        yield from law_of_speed(fit, model.entries)
+    if fit.p_value > _TOO_GOOD:
         yield "the readings fit better than their deviations allow: these are too large"
-    for other in found.minima:
-        pairs = zip(found.parameters, other.estimate, strict=True)
-        where = ", ".join(f"{one.name} {at:.4g}" for one, at in pairs)
+    for other in fit.minima:
+        pairs = zip(fit.parameters, other.estimate, strict=True)
+        where = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in pairs)
         yield f"a second minimum, chi-square {other.chi_square:.4g}: {where}"
-    if any(one.polynomial for one in model.measurements):
+    if any(measurement.polynomial for measurement in model.measurements):
         yield "the points are made from a polynomial and are no readings: chi-square is a hint alone"
-    if found.interrupted:
+    if fit.interrupted:
         yield "stopped on the way: these are the best constants so far, and no minimum"
-    elif not found.converged:
+    elif not fit.converged:
         yield "the solver did not converge"
 
 
-def law_of_speed(found: Fit, entries: Entries) -> Iterator[str]:
+def law_of_speed(fit: Fit, entries: Entries) -> Iterator[str]:
     """Whether readings at some speeds are off together, in words."""
-    turns = entries.conditions.get("speed", np.full(found.weight.size, np.nan)) / (2 * np.pi)
-    used = found.weight > 0
-    off = found.residual
+    turns = entries.conditions.get("speed", np.full(fit.weight.size, np.nan)) / (2 * np.pi)
+    used = fit.weight > 0
+    off = fit.residual
     for quantity in dict.fromkeys(entries.quantity):
-        mine = used & np.isfinite(turns) & (np.array(entries.quantity) == quantity)
-        speeds = np.unique(turns[mine].round(6))
+        rows = used & np.isfinite(turns) & (np.array(entries.quantity) == quantity)
+        speeds = np.unique(turns[rows].round(6))
         if speeds.size < 2 or not entries.kinds[quantity].relative:
             continue
-        groups = [mine & np.isclose(turns, speed, rtol=1e-4) for speed in speeds]
+        groups = [rows & np.isclose(turns, speed, rtol=1e-4) for speed in speeds]
         # means of n readings, in standard deviations of a mean
-        means = [float(off[one].mean() * np.sqrt(one.sum())) for one in groups]
+        means = [float(off[group].mean() * np.sqrt(group.sum())) for group in groups]
         if max(means) - min(means) > _TOGETHER:
-            said = (
-                f"{np.mean((found.value / found.measured)[one]) - 1:+.1%} at {speed:.4g} 1/s"
-                for speed, one in zip(speeds, groups, strict=True)
-            )
+            errors = []
+            for speed, group in zip(speeds, groups, strict=True):
+                error = np.mean((fit.value / fit.measured)[group]) - 1
+                errors.append(f"{error:+.1%} at {speed:.4g} 1/s")
             yield (
-                f"the law of speed does not fit: {quantity} is off by {', '.join(said)}; factors of "
+                f"the law of speed does not fit: {quantity} is off by {', '.join(errors)}; factors of "
                 "flow and power at each speed (`with_own_factors`, --own-factors) or one speed alone"
             )

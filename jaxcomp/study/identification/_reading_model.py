@@ -36,45 +36,31 @@ class ReadingModel:
 
     def __init__(self, design, variables, measurements, sd: Mapping[str, float]):
         # without their ranges, which are no part of the program
-        self.variables = tuple(one.bare for one in variables)
+        self.variables = tuple(variable.without_range for variable in variables)
         self.design = design
         self.measurements = measurements
-        self.programs = [one.bare for one in measurements]
-        parts = [one.entries(sd) for one in measurements]
-        self.points = [one.points(design) for one in measurements]
-        sizes = [len(jax.tree.leaves(one)[0]) for one in self.points]
+        self.programs = [measurement.without_data for measurement in measurements]
+        parts = [measurement.entries(sd) for measurement in measurements]
+        self.points = [measurement.points(design) for measurement in measurements]
+        sizes = [len(jax.tree.leaves(points)[0]) for points in self.points]
+        # number of the first point of each measurement, and of all points
         self.first = np.concatenate([[0], np.cumsum(sizes)])
         self.nuisances = []
-        self.own = []
-        for one in measurements:
+        # columns of the slopes over the constants of each measurement itself
+        self.nuisance_columns = []
+        for measurement in measurements:
             begin = len(variables) + len(self.nuisances)
-            self.nuisances += [
-                each._replace(name=f"{one.source}: {each.name}") for each in one.nuisances
-            ]
-            self.own.append(slice(begin, begin + len(one.nuisances)))
+            for parameter in measurement.nuisances:
+                name = f"{measurement.source}: {parameter.name}"
+                self.nuisances.append(parameter._replace(name=name))
+            self.nuisance_columns.append(slice(begin, begin + len(measurement.nuisances)))
         self.block = np.repeat(np.arange(len(parts)), [part.measured.size for part in parts])
-        names = list(dict.fromkeys(name for part in parts for name in part.conditions))
-
-        def condition(part: Entries, name: str):
-            return part.conditions.get(name, np.full(part.measured.size, np.nan))
-
-        def whole(field: str):
-            return np.concatenate([getattr(part, field) for part in parts])
-
-        self.entries = Entries(
-            tuple(name for part in parts for name in part.quantity),
-            {k: v for part in parts for k, v in part.kinds.items()},
-            np.concatenate([p.point + n for p, n in zip(parts, self.first[:-1], strict=True)]),
-            *map(whole, ("column", "measured", "sd")),
-            tuple(name for part in parts for name in part.names),
-            {name: np.concatenate([condition(part, name) for part in parts]) for name in names},
-            {k: v for part in parts for k, v in part.units.items()},
-        )
+        self.entries = _joined(parts, self.first[:-1])
 
     @property
     def source(self) -> str:
         """Names of all files."""
-        return ", ".join(dict.fromkeys(one.source for one in self.measurements))
+        return ", ".join(dict.fromkeys(measurement.source for measurement in self.measurements))
 
     @property
     def count(self) -> int:
@@ -83,47 +69,51 @@ class ReadingModel:
 
     def warnings(self, used: Sequence[int]) -> list[str]:
         """Warnings about points held out."""
-        seen = []
-        for n, one in enumerate(self.measurements):
+        used_points = []
+        for n in range(len(self.measurements)):
             begin, end = self.first[n : n + 2]
-            seen.append((one, [int(p - begin) for p in used if begin <= p < end]))
-        out = []
-        for n, (one, own) in enumerate(seen):
-            beside = [pair for k, pair in enumerate(seen) if k != n and type(pair[0]) is type(one)]
-            out += one.warnings(own, beside)
-        return list(dict.fromkeys(out))
+            used_points.append([int(p - begin) for p in used if begin <= p < end])
+        pairs = list(zip(self.measurements, used_points, strict=True))
+        warnings = {}
+        for n, (measurement, points) in enumerate(pairs):
+            remaining = pairs[:n] + pairs[n + 1 :]
+            same_kind = [pair for pair in remaining if type(pair[0]) is type(measurement)]
+            warnings |= dict.fromkeys(measurement.warnings(points, same_kind))
+        return list(warnings)
 
-    def __call__(self, p: NDArray, wanted: Sequence[int]) -> tuple[NDArray, NDArray]:
+    def __call__(self, p: NDArray, points: Sequence[int]) -> tuple[NDArray, NDArray]:
         """(m,) and (m, p); not a number at points that fail or are not wanted."""
         entries = self.entries
         value = np.full(entries.measured.size, np.nan)
         slope = np.full((value.size, len(self.variables) + len(self.nuisances)), np.nan)
-        for number, (n, values, slopes, ok) in self._solved(p, wanted):
+        for number, (n, values, slopes, ok) in self._solved(p, points):
             if not ok:
                 continue
-            mine = (entries.point == number) & (self.block == n)
-            columns = entries.column[mine]
-            value[mine] = values[columns]
-            slope[mine] = 0.0
-            slope[mine, : len(self.variables)] = slopes[columns, : len(self.variables)]
-            slope[mine, self.own[n]] = slopes[columns, len(self.variables) :]
+            rows = (entries.point == number) & (self.block == n)
+            columns = entries.column[rows]
+            value[rows] = values[columns]
+            slope[rows] = 0.0
+            slope[rows, : len(self.variables)] = slopes[columns, : len(self.variables)]
+            slope[rows, self.nuisance_columns[n]] = slopes[columns, len(self.variables) :]
         return value, slope
 
-    def _solved(self, p: NDArray, wanted: Sequence[int]) -> Iterator[tuple[int, tuple]]:
+    def _solved(self, p: NDArray, points: Sequence[int]) -> Iterator[tuple[int, tuple]]:
         """Points by number, each with that of its measurement, values, slopes, and whether they hold."""
         shared = jnp.asarray(p[: len(self.variables)])
 
         def at(number: int):
             n = self._measurement(number)
             point = jax.tree.map(lambda a: jnp.asarray(a[number - self.first[n]]), self.points[n])
-            own = jnp.asarray(p[self.own[n]])
-            found = _solve(self.programs[n], self.design, self.variables, shared, own, point)
-            return n, *map(np.asarray, found)
+            nuisances = jnp.asarray(p[self.nuisance_columns[n]])
+            solution = _solve(
+                self.programs[n], self.design, self.variables, shared, nuisances, point
+            )
+            return n, *map(np.asarray, solution)
 
         # the first of each measurement compiles it, not every thread
-        first = {self._measurement(number): number for number in reversed(wanted)}
-        fresh = [number for number in wanted if number in first.values()]
-        later = [number for number in wanted if number not in first.values()]
+        first = {self._measurement(number): number for number in reversed(points)}
+        fresh = [number for number in points if number in first.values()]
+        later = [number for number in points if number not in first.values()]
         yield from zip(fresh, map(at, fresh), strict=True)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             yield from zip(later, pool.map(at, later), strict=True)
@@ -131,3 +121,37 @@ class ReadingModel:
     def _measurement(self, number: int) -> int:
         """Number of the measurement of a point, which counts over all measurements."""
         return int(np.searchsorted(self.first, number, side="right")) - 1
+
+
+def _joined(parts: Sequence[Entries], first: NDArray) -> Entries:
+    """The readings of several measurements, whose points count from a first number each."""
+    quantity = []
+    names = []
+    kinds = {}
+    units = {}
+    names_of_conditions = {}
+    for part in parts:
+        quantity += part.quantity
+        names += part.names
+        kinds |= part.kinds
+        units |= part.units
+        names_of_conditions |= dict.fromkeys(part.conditions)
+    conditions = {}
+    for name in names_of_conditions:
+        columns = []
+        for part in parts:
+            absent = np.full(part.measured.size, np.nan)
+            columns.append(part.conditions.get(name, absent))
+        conditions[name] = np.concatenate(columns)
+    points = [part.point + begin for part, begin in zip(parts, first, strict=True)]
+    return Entries(
+        quantity=tuple(quantity),
+        kinds=kinds,
+        point=np.concatenate(points),
+        column=np.concatenate([part.column for part in parts]),
+        measured=np.concatenate([part.measured for part in parts]),
+        sd=np.concatenate([part.sd for part in parts]),
+        names=tuple(names),
+        conditions=conditions,
+        units=units,
+    )

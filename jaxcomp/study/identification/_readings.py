@@ -20,7 +20,7 @@ from ...fluid.interface import has_dew_line
 from ...machine import Machine, assembled
 from ..rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 from ._least_squares import Parameter
-from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual
+from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and
 # of points that a polynomial gives.
@@ -149,21 +149,23 @@ class Readings(AbstractMeasurement):
         )
 
     def for_machine(self, machine):
-        gas: Any = machine.as_compressor().gas if machine.compressor is not None else None
-        fluid = getattr(gas, "fluid", None)
+        if machine.compressor is None:
+            return self
+        fluid = getattr(machine.as_compressor().gas, "fluid", None)
         return self.by_dew_points(fluid) if has_dew_line(fluid) else self
 
-    def deviation(self, name: str, given: Mapping[str, float]) -> NDArray:
+    def deviation(self, name: str, sd: Mapping[str, float]) -> NDArray:
         """[SI] (n,) standard deviations of a quantity.
 
         Args:
             name: of `MEASURED`.
-            given: instead of those by default, by name; relative for all but temperatures.
+            sd: instead of those by default, by name; relative for all but temperatures.
         """
         _, relative, plain, fitted = MEASURED[name]
-        usual = given.get(name, fitted if self.polynomial else plain)
-        usual = usual * np.abs(self.measured[name]) if relative else usual + 0 * self.measured[name]
-        return given_or_usual(self.sd.get(name), usual)
+        usual = sd.get(name, fitted if self.polynomial else plain)
+        measured = self.measured[name]
+        deviation = usual * np.abs(measured) if relative else usual + 0 * measured
+        return stated_or_usual(self.sd.get(name), deviation)
 
     def check(self, machine: Machine) -> None:
         """Refuse points that cannot be.
@@ -188,7 +190,7 @@ class Readings(AbstractMeasurement):
 
     def check_points(self, fluid: AbstractRealGas) -> None:
         """Refuse points that cannot be with a fluid, see `check`."""
-        if self.fluid and _bare(self.fluid) != _bare(fluid.name):
+        if self.fluid and _plain_name(self.fluid) != _plain_name(fluid.name):
             bound = f"{fluid.name} as the machine; set gas.fluid.name to identify with another"
             raise BadInput(f"{self.source}: fluid", self.fluid, bound)
         top = float(fluid.critical_temperature)
@@ -241,20 +243,20 @@ class Readings(AbstractMeasurement):
         fluid = compressor.gas.fluid
         liquid = self.liquid_of(fluid)
         columns = self.evaporating, self.condensing, self.gas, self.useful, liquid
-        found = _limits(fluid, *(jnp.asarray(column, float) for column in columns))
-        density, work, worth = map(np.asarray, found)
+        limits = _limits(fluid, *(jnp.asarray(column, float) for column in columns))
+        density, work, worth = map(np.asarray, limits)
         none = np.full(self.evaporating.size, np.nan)
         turns, _ = self.points(machine)
         displaced = density * displacement(compressor) * turns.speed / (2 * np.pi)
         flows = {"mass_flow": 1.0, "capacity": worth}
         sized = any(name.startswith(_OF_DISPLACEMENT) for name in varied)
         for name, per_flow in flows.items():
-            most = displaced * per_flow
+            largest = displaced * per_flow
             measured = self.measured.get(name, none)
             room = 3 * self.deviation(name, {}) if name in self.measured else 0.0
-            for n in np.flatnonzero(measured - room > most):
+            for n in np.flatnonzero(measured - room > largest):
                 if not sized:
-                    bound = f"at most {most[n]:.4g}: more than the piston displaces of the gas that comes"
+                    bound = f"at most {largest[n]:.4g}: more than the piston displaces of the gas that comes"
                     raise BadInput(self._place(n, name), measured[n], bound)
         flow = self.measured.get("mass_flow", none)
         flow = np.where(np.isfinite(flow), flow, self.measured.get("capacity", none) / worth)
@@ -280,113 +282,132 @@ class Readings(AbstractMeasurement):
             low = least.get(name, np.zeros(self.evaporating.size))
             for n in np.flatnonzero(values <= low):
                 at = f"{self.source}: point {self.names[n]}: speed [rad/s]"
-                at = self._place(n, name) if name in MEASURED else at
+                if name in MEASURED:
+                    at = self._place(n, name)
                 raise BadInput(at, values[n], f"above {low[n]:.4g}")
 
     def entries(self, sd):
-        rows = [
-            (name, row)
-            for name, values in self.measured.items()
-            for row in np.flatnonzero(np.isfinite(values)).tolist()
-        ]
-        at = np.array([row for _, row in rows], int)
+        quantity = []
+        points = []
+        measured = []
+        deviations = []
+        for name, values in self.measured.items():
+            rows = np.flatnonzero(np.isfinite(values))
+            quantity += [name] * rows.size
+            points += rows.tolist()
+            measured += values[rows].tolist()
+            deviations += self.deviation(name, sd)[rows].tolist()
         names = self.names
-        deviations = {k: self.deviation(k, sd) for k in self.measured}
-        conditions = {k: getattr(self, k)[at] for k in ("evaporating", "condensing", "speed")}
+        at = np.array(points, int)
+        units = {"evaporating": "K", "condensing": "K", "speed": "rad/s"}
         return Entries(
-            tuple(name for name, _ in rows),
-            {name: Kind(*MEASURED[name][:2]) for name in self.measured},
-            at,
-            np.array([_OUT[name] for name, _ in rows], int),
-            np.array([self.measured[name][row] for name, row in rows]),
-            np.array([deviations[name][row] for name, row in rows]),
-            tuple(names[row] for _, row in rows),
-            conditions,
-            {"evaporating": "K", "condensing": "K", "speed": "rad/s"},
+            quantity=tuple(quantity),
+            kinds={name: Kind(*MEASURED[name][:2]) for name in self.measured},
+            point=at,
+            column=np.array([_OUT[name] for name in quantity], int),
+            measured=np.array(measured),
+            sd=np.array(deviations),
+            names=tuple(names[row] for row in points),
+            conditions={name: getattr(self, name)[at] for name in units},
+            units=units,
         )
 
     @property
     def nuisances(self):
         """Factors of flow and of power at each speed that has its own."""
-        return tuple(
-            Parameter(f"{kind}_factor at {speed / (2 * np.pi):.4g} 1/s", 0.5, 2.0, 1.0, 1.0, 0.1)
-            for speed in self.factors
-            for kind in ("flow", "power")
-        )
+        factors = []
+        for speed in self.factors:
+            for kind in ("flow", "power"):
+                name = f"{kind}_factor at {speed / (2 * np.pi):.4g} 1/s"
+                factors.append(Parameter(name, low=0.5, high=2.0, start=1.0, prior=1.0, sd=0.1))
+        return tuple(factors)
 
     def points(self, machine):
         nominal = float(machine.as_compressor().motor.speed_guess)
         speed = np.where(np.isfinite(self.speed), self.speed, nominal)
-        own = np.zeros((speed.size, len(self.factors)))
+        has_factor = np.zeros((speed.size, len(self.factors)))
         for n, other in enumerate(self.factors):
-            own[:, n] = np.isclose(speed, other, rtol=_SAME_SPEED)
+            has_factor[:, n] = np.isclose(speed, other, rtol=_SAME_SPEED)
         gas: Any = machine.as_compressor().gas
         liquid = self.liquid_of(gas.fluid)
-        point = RatingPoint(self.evaporating, self.condensing, self.gas, liquid, self.useful, speed)
-        return point, own
+        point = RatingPoint(
+            evaporating=self.evaporating,
+            condensing=self.condensing,
+            gas=self.gas,
+            liquid=liquid,
+            useful=self.useful,
+            speed=speed,
+        )
+        return point, has_factor
 
     def at(self, machine, nuisances, point):
-        where, own = point
-        values, ok = rated(machine.as_compressor(), where, self.solver)
+        conditions, has_factor = point
+        values, ok = rated(machine.as_compressor(), conditions, self.solver)
         if not nuisances.size:
             return values, ok
         # none at the speeds without factors
-        flow, power = jnp.exp(own @ jnp.log(nuisances).reshape(-1, 2))
+        flow, power = jnp.exp(has_factor @ jnp.log(nuisances).reshape(-1, 2))
         factor = {"capacity": flow, "mass_flow": flow, "power": power, "cop": flow / power}
         return values * jnp.stack([factor.get(name, jnp.ones(())) for name in _OUT]), ok
 
-    def warnings(self, used, beside):
+    def warnings(self, used, same_kind):
         """Points held out that lie outside the hull of those used, and speeds that were not used."""
-        left = sorted(set(range(self.evaporating.size)) - set(used))
+        held_out = sorted(set(range(self.evaporating.size)) - set(used))
         out = [*self.bends]
-        if not left:
+        if not held_out:
             return out
-        seen = [(self, list(used)), *((one, list(own)) for one, own in beside)]
-        at = np.stack([self.evaporating, self.condensing], axis=-1)
-        known = np.concatenate([
-            np.stack([one.evaporating[own], one.condensing[own]], axis=-1) for one, own in seen
-        ])  # fmt: skip
+        conditions = np.stack([self.evaporating, self.condensing], axis=-1)
+        fitted = []
+        speeds = set()
+        for readings, points in ((self, used), *same_kind):
+            rows = list(points)
+            fitted.append(np.stack([readings.evaporating, readings.condensing], axis=-1)[rows])
+            speeds |= set(np.nan_to_num(readings.speed[rows]).round(3).tolist())
+        region = np.concatenate(fitted)
         try:
-            sides = ConvexHull(np.unique(known, axis=0)).equations
-            far = [row for row in left if (sides[:, :2] @ at[row] + sides[:, 2] > 0.5).any()]
+            sides = ConvexHull(np.unique(region, axis=0)).equations
+            far = [
+                row
+                for row in held_out
+                if (sides[:, :2] @ conditions[row] + sides[:, 2] > 0.5).any()
+            ]
         except (QhullError, ValueError):
-            far = left
+            far = held_out
         if far:
             names = ", ".join(self.names[row] for row in far)
             out.append(f"predicted outside of the points used: {names}")
-        speeds = np.concatenate([np.nan_to_num(one.speed[own]).round(3) for one, own in seen])
-        if set(np.nan_to_num(self.speed[left]).round(3).tolist()) - set(speeds.tolist()):
+        if set(np.nan_to_num(self.speed[held_out]).round(3).tolist()) - speeds:
             text = "predicted at speeds that were not used: "
             out.append(text + "one speed cannot tell the law of speed")
         return out
 
     def _check_capacity(self, fluid: AbstractRealGas) -> None:
         ratio = self.measured["capacity"] / self.measured["mass_flow"]
-        there = np.isfinite(ratio)
+        measured = np.isfinite(ratio)
         rise = jax.jit(jax.vmap(lambda s, d, u, liquid: capacity_rise(fluid, s, d, u, liquid)))
         dew = jnp.asarray(self.evaporating), jnp.asarray(self.condensing)
         boiling = np.asarray(fluid.bubble_of_dew(self.condensing))
 
         def misfit(useful, liquid):
-            found = np.asarray(rise(*dew, useful, liquid))
-            return float(np.sqrt(np.mean((ratio[there] / found[there] - 1) ** 2)))
+            computed = np.asarray(rise(*dew, useful, liquid))
+            return float(np.sqrt(np.mean((ratio[measured] / computed[measured] - 1) ** 2)))
 
-        own = misfit(jnp.asarray(self.useful), jnp.asarray(self.liquid_of(fluid)))
-        if not there.any() or own < _CONTRADICTION:
+        stated_misfit = misfit(jnp.asarray(self.useful), jnp.asarray(self.liquid_of(fluid)))
+        if not measured.any() or stated_misfit < _CONTRADICTION:
             return
-        pairs = {
-            f"useful superheat {heat:g} K and subcooling {cold:g} K": misfit(
-                jnp.asarray(self.evaporating + heat), jnp.asarray(boiling - cold)
-            )
-            for heat in (0, 5, 8.3, 10, 11.1, 15, 20, 30)
-            for cold in (0, 3, 5, 8.3, 10, 15)
-        }
-        best = min(pairs, key=lambda one: pairs[one])
+        # Conditions that standards and makers use, one of which the source may mean.
+        pairs = {}
+        for heat in (0, 5, 8.3, 10, 11.1, 15, 20, 30):
+            for cold in (0, 3, 5, 8.3, 10, 15):
+                text = f"useful superheat {heat:g} K and subcooling {cold:g} K"
+                useful = jnp.asarray(self.evaporating + heat)
+                pairs[text] = misfit(useful, jnp.asarray(boiling - cold))
+        best = min(pairs, key=lambda text: pairs[text])
         bound = (
             f"at most {_CONTRADICTION:.0%} between capacity and mass flow times the rise of enthalpy; "
             f"{best} leave {pairs[best]:.1%}"
         )
-        raise BadInput(f"{self.source}: capacity over mass flow", f"{own:.1%} off", bound)
+        raise BadInput(f"{self.source}: capacity over mass flow", f"{stated_misfit:.1%} off", bound)
 
 
 @kept_jit
@@ -407,7 +428,7 @@ def _limits(fluid: AbstractRealGas, evaporating, condensing, gas, useful, liquid
 
 def displacement(compressor: Compressor) -> float:
     """[m^3] that all pistons displace in a revolution."""
-    return sum(float(one.swept_volume) for one in mechanisms_of(compressor))
+    return sum(float(mechanism.swept_volume) for mechanism in mechanisms_of(compressor))
 
 
 def _deviation_of_flow(readings: Readings) -> NDArray:
@@ -418,7 +439,7 @@ def _deviation_of_flow(readings: Readings) -> NDArray:
     return np.zeros(readings.evaporating.size)
 
 
-def _bare(fluid: str) -> str:
+def _plain_name(fluid: str) -> str:
     """Name of a fluid without what does not tell fluids apart: R22 is R-22."""
     return re.sub(r"[\s_-]+", "", fluid).lower()
 
@@ -436,19 +457,26 @@ def with_own_factors(readings: Sequence[AbstractMeasurement]) -> list[AbstractMe
     Raises:
         BadInput: all points at one speed.
     """
-    known: list[float] = []
-    for one in readings:
-        for speed in np.nan_to_num(one.speed).tolist() if isinstance(one, Readings) else ():
-            if not np.isclose(speed, known, rtol=_SAME_SPEED).any():
-                known.append(speed)
-    if len(known) < 2 or 0 in known:
-        raise BadInput("speeds", known, "two at least, all of them given, for factors of their own")
+    speeds: list[float] = []
+    for measurement in readings:
+        if not isinstance(measurement, Readings):
+            continue
+        for speed in np.nan_to_num(measurement.speed).tolist():
+            if not np.isclose(speed, speeds, rtol=_SAME_SPEED).any():
+                speeds.append(speed)
+    if len(speeds) < 2 or 0 in speeds:
+        raise BadInput(
+            "speeds", speeds, "two at least, all of them given, for factors of their own"
+        )
     out = []
-    for one in readings:
-        if isinstance(one, Readings):
-            here = (s for s in known[1:] if np.isclose(one.speed, s, rtol=_SAME_SPEED).any())
-            one = replace(one, factors=tuple(here))
-        out.append(one)
+    for measurement in readings:
+        if isinstance(measurement, Readings):
+            factors = []
+            for speed in speeds[1:]:
+                if np.isclose(measurement.speed, speed, rtol=_SAME_SPEED).any():
+                    factors.append(speed)
+            measurement = replace(measurement, factors=tuple(factors))
+        out.append(measurement)
     return out
 
 

@@ -66,7 +66,7 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
     design = machine_of(machine)
     compressor = design.as_compressor()
     maps = [readings] if isinstance(readings, Readings) else list(readings)
-    size, turns = _size(design, [one.for_machine(design) for one in maps])
+    size, turns = _size(design, [points.for_machine(design) for points in maps])
     design = with_swept_volume(design, jnp.asarray(size / compressor.crankshaft.count))
     if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
         faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
@@ -76,43 +76,52 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
     prior = {}
     for name, (low, high, width) in RECIPE.items():
         try:
-            one = varied(design, name)
+            unknown = varied(design, name)
         except BadInput:
             continue
-        now = float(one.current(design))
-        if now > 0:
-            each = one.each if isinstance(one, CommonFactor) else (one,)
-            most = min(now * one.bound.high / float(one.current(design)) for one in each)
-            vary[name] = (low * now, min(high * now, most))
+        present = float(unknown.current(design))
+        if present > 0:
+            limit = high * present
+            # A common factor may go as far as all of its numbers.
+            for number in unknown.each if isinstance(unknown, CommonFactor) else (unknown,):
+                limit = min(limit, present * number.bound.high / float(number.current(design)))
+            vary[name] = (low * present, limit)
             if width is not None:
-                prior[name] = (now, width * now)
-    return Recipe(design, vary, prior)
+                prior[name] = (present, width * present)
+    return Recipe(machine=design, vary=vary, prior=prior)
 
 
 def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:
     """[m^3] Swept volume that the flow wants, and [1/s] the speed, as medians over all points."""
     compressor = design.as_compressor()
-    gas, nominal = compressor.gas, float(compressor.motor.speed_guess)
+    gas = compressor.gas
+    nominal = float(compressor.motor.speed_guess)
     if not isinstance(gas, Cylinder) or not has_dew_line(gas.fluid):
         raise BadInput("gas", kind_text(gas), "a cylinder with valves and a real gas")
     fluid = gas.fluid
 
     @jax.jit
     @jax.vmap
-    def known(s, d, gas, useful, liquid):
+    def density_and_rise(s, d, gas, useful, liquid):
         density = fluid.density(gas, fluid.saturation(T=s).p)
         return density, capacity_rise(fluid, s, d, useful, liquid)
 
     volumes = [np.zeros(0)]
     speeds = [np.zeros(0)]
-    for one in readings:
-        at = (one.evaporating, one.condensing, one.gas, one.useful, one.liquid_of(fluid))
-        density, rise = (np.asarray(x) for x in known(*(jnp.asarray(x) for x in at)))
-        flow = one.measured.get("mass_flow")
-        if flow is None and "capacity" in one.measured:
-            flow = one.measured["capacity"] / rise
+    for points in readings:
+        at = (
+            points.evaporating,
+            points.condensing,
+            points.gas,
+            points.useful,
+            points.liquid_of(fluid),
+        )
+        density, rise = map(np.asarray, density_and_rise(*map(jnp.asarray, at)))
+        flow = points.measured.get("mass_flow")
+        if flow is None and "capacity" in points.measured:
+            flow = points.measured["capacity"] / rise
         if flow is not None:
-            turns = np.where(np.isfinite(one.speed), one.speed, nominal) / (2 * np.pi)
+            turns = np.where(np.isfinite(points.speed), points.speed, nominal) / (2 * np.pi)
             volumes.append(flow / (density * turns * _FILLING))
             speeds.append(turns)
     if not np.isfinite(np.concatenate(volumes)).any():

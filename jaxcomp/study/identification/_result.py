@@ -45,14 +45,14 @@ class PredictedReadings(NamedTuple):
 
     def columns(self) -> dict[str, Any]:
         """Predictions, a row each; numbers in the SI units of their quantities."""
-        entries, said = self
+        entries, prediction = self
         return {
             "quantity": list(entries.quantity),
             "point": list(entries.names),
             "unit": [entries.kinds[name].unit for name in entries.quantity],
-            "value": said.value,
-            "model_sd": said.model_sd,
-            "half_width": said.inflated,
+            "value": prediction.value,
+            "model_sd": prediction.model_sd,
+            "half_width": prediction.inflated,
         }
 
 
@@ -149,28 +149,33 @@ class Identification(Result, eqx.Module):
 
     def nested(self) -> dict[str, Any]:
         """Constants, their covariance, the fit and the points held out."""
-        keys = {"points": "count", "error_rms": "rms", "largest_error": "largest"}
-        keys["share_inside"] = "inside"
+
         columns = fields_of(self, "start", "estimate", "standard_error", "prior_share")
         return {
             "source": self.source,
             "parameters": records(name=self.parameters, unit=self.units, **columns),
             **fields_of(self, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
             "held_out": [
-                {"name": name} | {key: getattr(one, field) for key, field in keys.items()}
-                for name, one in self.held_out.items()
+                {
+                    "name": name,
+                    "points": errors.count,
+                    "error_rms": errors.rms,
+                    "largest_error": errors.largest,
+                    "share_inside": errors.inside,
+                }
+                for name, errors in self.held_out.items()
             ],
         }
 
     def error(self, name: str) -> NDArray:
         """(m of this quantity,) computed less measured: relative, or in the SI unit."""
-        mine = self.of(name)
-        off = np.asarray(self.computed - self.measured)[mine]
-        return off / np.asarray(self.measured)[mine] if self.kinds[name].relative else off
+        rows = self.of(name)
+        off = np.asarray(self.computed - self.measured)[rows]
+        return off / np.asarray(self.measured)[rows] if self.kinds[name].relative else off
 
     def of(self, name: str) -> NDArray:
         """(m,) whether a reading is of this quantity."""
-        return np.array([one == name for one in self.quantity])
+        return np.array([quantity == name for quantity in self.quantity])
 
     @property
     def quantities(self) -> list[str]:
@@ -182,16 +187,18 @@ class Identification(Result, eqx.Module):
         """By quantity, how points were predicted that the fit did not see."""
         out = {}
         for name in self.quantities:
-            mine = self.of(name)
-            left = ~np.asarray(self.used)[mine] & np.isfinite(np.asarray(self.computed)[mine])
-            if not left.any():
+            rows = self.of(name)
+            predicted = ~np.asarray(self.used)[rows] & np.isfinite(np.asarray(self.computed)[rows])
+            if not predicted.any():
                 continue
-            error = self.error(name)[left]
-            off = np.abs(np.asarray(self.computed - self.measured))[mine][left]
-            inside = off <= np.asarray(self.half_width)[mine][left]
-            rms = float(np.sqrt(np.mean(error**2)))
+            error = self.error(name)[predicted]
+            off = np.abs(np.asarray(self.computed - self.measured))[rows][predicted]
+            inside = off <= np.asarray(self.half_width)[rows][predicted]
             out[name] = HeldOut(
-                int(left.sum()), rms, float(np.abs(error).max()), float(inside.mean())
+                count=int(predicted.sum()),
+                rms=float(np.sqrt(np.mean(error**2))),
+                largest=float(np.abs(error).max()),
+                inside=float(inside.mean()),
             )
         return out
 
@@ -211,17 +218,16 @@ class Identification(Result, eqx.Module):
         count = len(self.study.variables)
         at = np.asarray(self.estimate)[:count]
         # constants of the measurement as they were found, where it is of the same source
-        known = {name: n for n, name in enumerate(self.parameters)}
-        places = [known.get(one.name) for one in model.nuisances]
-        own = [
-            one.start if n is None else float(self.estimate[n])
-            for one, n in zip(model.nuisances, places, strict=True)
-        ]
-        value, slope = model(np.concatenate([at, own]), range(model.count))
-        whole = np.zeros((value.size, len(self.parameters)))
-        whole[:, :count] = slope[:, :count]
+        numbers = {name: n for n, name in enumerate(self.parameters)}
+        places = [numbers.get(parameter.name) for parameter in model.nuisances]
+        nuisances = []
+        for parameter, n in zip(model.nuisances, places, strict=True):
+            nuisances.append(parameter.start if n is None else float(self.estimate[n]))
+        value, slope = model(np.concatenate([at, nuisances]), range(model.count))
+        full_slope = np.zeros((value.size, len(self.parameters)))
+        full_slope[:, :count] = slope[:, :count]
         for n, column in zip(places, slope[:, count:].T, strict=True):
             if n is not None:
-                whole[:, n] = column
-        said = self.fit.predict(value, whole, model.entries.sd)
-        return PredictedReadings(model.entries, said)
+                full_slope[:, n] = column
+        prediction = self.fit.predict(value, full_slope, model.entries.sd)
+        return PredictedReadings(model.entries, prediction)

@@ -1,7 +1,6 @@
 """Measurements of a rotor: its modes, and the vibration of targets."""
 
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import Any, ClassVar
 
 import jax
@@ -19,7 +18,7 @@ from ...rotor.interface import prepare
 from .._analysis import DesignResult
 from .._options import AnalysisOptions
 from ._least_squares import Parameter
-from ._measurement import AbstractMeasurement, Entries, Kind, given_or_usual, usual
+from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual, usual
 
 _DEGREE = np.pi / 180
 # Distinct frequencies are further apart than this, relative; closer ones are a pair.
@@ -72,9 +71,8 @@ class ModalTest(AbstractMeasurement):
         if max(self.modes) > len(distinct):
             bound = f"at most {len(distinct)}, the distinct frequencies of the rotor"
             raise BadInput(f"{self.source}: mode", max(self.modes), bound)
-        for number, shape in zip(
-            self.modes, [] if self.shape is None else self.shape, strict=False
-        ):
+        shapes = () if self.shape is None else self.shape
+        for number, shape in zip(self.modes, shapes, strict=False):
             measured = shape[np.isfinite(shape)]
             if measured.size and not measured.any():
                 raise BadInput(
@@ -91,30 +89,32 @@ class ModalTest(AbstractMeasurement):
     def _distinct(self, machine) -> NDArray:
         """Numbers of the elastic modes, one of each pair."""
         model = self._rotor(machine)
-        found = np.asarray(undamped_modes(model, self._count(model), free=self.free).frequency)
-        elastic = np.flatnonzero(found > 1e-3 * found.max())
-        apart = np.diff(found[elastic]) > _PAIR * found[elastic][1:]
+        frequency = np.asarray(undamped_modes(model, self._count(model), free=self.free).frequency)
+        elastic = np.flatnonzero(frequency > 1e-3 * frequency.max())
+        apart = np.diff(frequency[elastic]) > _PAIR * frequency[elastic][1:]
         return elastic[np.append(True, apart)]
 
     def entries(self, sd):
         count = self.frequency.size
         deviation = usual("frequency", sd, self.USUAL) * self.frequency
-        deviation = given_or_usual(self.sd, deviation)
+        deviation = stated_or_usual(self.sd, deviation)
         shape = np.zeros((count, 0)) if self.shape is None else self._normed()
         rows, columns = np.nonzero(np.isfinite(shape))
         modes = np.array(self.modes)
         names = [f"mode {mode}" for mode in self.modes]
         place = [f"{node} {axis}" for node, axis in zip(self.nodes, self.axes, strict=True)]
+        of_shapes = [f"{names[r]} at {place[c]}" for r, c in zip(rows, columns, strict=True)]
+        sd_of_shapes = np.full(rows.size, usual("mode_shape", sd, 0.05))
         return Entries(
-            ("frequency",) * count + ("mode_shape",) * rows.size,
-            {"frequency": Kind("rad/s", True), "mode_shape": Kind("", False)},
-            np.zeros(count + rows.size, int),
-            np.concatenate([np.arange(count), count + rows * shape.shape[1] + columns]),
-            np.concatenate([self.frequency, shape[rows, columns]]),
-            np.concatenate([deviation, np.full(rows.size, usual("mode_shape", sd, 0.05))]),
-            (*names, *(f"{names[r]} at {place[c]}" for r, c in zip(rows, columns, strict=True))),
-            {"mode": np.concatenate([modes, modes[rows]]).astype(float)},
-            {"mode": ""},
+            quantity=("frequency",) * count + ("mode_shape",) * rows.size,
+            kinds={"frequency": Kind("rad/s", True), "mode_shape": Kind("", False)},
+            point=np.zeros(count + rows.size, int),
+            column=np.concatenate([np.arange(count), count + rows * shape.shape[1] + columns]),
+            measured=np.concatenate([self.frequency, shape[rows, columns]]),
+            sd=np.concatenate([deviation, sd_of_shapes]),
+            names=(*names, *of_shapes),
+            conditions={"mode": np.concatenate([modes, modes[rows]]).astype(float)},
+            units={"mode": ""},
         )
 
     def _normed(self) -> NDArray:
@@ -123,9 +123,9 @@ class ModalTest(AbstractMeasurement):
         size = np.nan_to_num(np.abs(self.shape)).max(axis=1, keepdims=True, initial=0.0)
         return self.shape / np.where(size > 0, size, np.nan)
 
-    def warnings(self, used, beside):
+    def warnings(self, used, same_kind):
         """Warnings about what the file has and was not read."""
-        del used, beside
+        del used, same_kind
         return [*self.skipped]
 
     def points(self, machine):
@@ -135,33 +135,36 @@ class ModalTest(AbstractMeasurement):
 
     def at(self, machine, nuisances, point):
         del nuisances
-        model, (numbers, measured) = self._rotor(machine), point
-        found = undamped_modes(model, self._count(model), free=self.free)
+        model = self._rotor(machine)
+        numbers, measured = point
+        modes = undamped_modes(model, self._count(model), free=self.free)
         at = np.array([node_index(model, node) for node in self.nodes], int)
         axis = np.array([AXES[model.dof].index(name) for name in self.axes], int)
-        shapes = found.shape[:, at, axis]
-        known = jnp.isfinite(measured)
-        given = jnp.where(known, measured, 0.0)
-        product = given @ shapes.T  # (k, modes)
-        square = known.astype(float) @ (shapes.T**2)
+        shapes = modes.shape[:, at, axis]
+        is_measured = jnp.isfinite(measured)
+        reading = jnp.where(is_measured, measured, 0.0)
+        product = reading @ shapes.T  # (k, modes)
+        square = is_measured.astype(float) @ (shapes.T**2)
         # Of a mode that does not move where it was measured, as torsion, rounding alone is left.
-        seen = square > _SEEN * jnp.max(square, axis=1, keepdims=True)
+        moves = square > _SEEN * jnp.max(square, axis=1, keepdims=True)
         if self.nodes:
             # The modal assurance criterion but for the reading's own square, the same for all modes.
-            fixed = lax.stop_gradient(product**2 / jnp.where(seen, square, 1.0))
-            elastic = found.frequency > 1e-3 * found.frequency[-1]
-            best = jnp.argmax(jnp.where(elastic & seen, fixed, -1.0), axis=1)
-            numbers = jnp.where(jnp.any(known, axis=1), best, numbers)
-        near = jnp.abs(found.frequency / found.frequency[numbers][:, None] - 1) < _PAIR
-        projected = jax.vmap(_projected, in_axes=(0, 0, 0, None))(given, known, near & seen, shapes)
-        values = jnp.concatenate([found.frequency[numbers], projected.ravel()])
+            fixed = lax.stop_gradient(product**2 / jnp.where(moves, square, 1.0))
+            elastic = modes.frequency > 1e-3 * modes.frequency[-1]
+            best = jnp.argmax(jnp.where(elastic & moves, fixed, -1.0), axis=1)
+            numbers = jnp.where(jnp.any(is_measured, axis=1), best, numbers)
+        near = jnp.abs(modes.frequency / modes.frequency[numbers][:, None] - 1) < _PAIR
+        projected = jax.vmap(_projected, in_axes=(0, 0, 0, None))(
+            reading, is_measured, near & moves, shapes
+        )
+        values = jnp.concatenate([modes.frequency[numbers], projected.ravel()])
         return values, jnp.all(jnp.isfinite(values))
 
 
 def _projected(
     reading: Float[Array, " d"],
-    known: Bool[Array, " d"],
-    chosen: Bool[Array, " modes"],
+    is_measured: Bool[Array, " d"],
+    in_plane: Bool[Array, " modes"],
     shapes: Float[Array, "modes d"],
 ) -> Float[Array, " d"]:
     """The part of a reading that lies in the plane of some modes, by least squares.
@@ -171,21 +174,21 @@ def _projected(
 
     Args:
         reading: (d,) shape, zero where it was not measured.
-        known: (d,) where it was.
-        chosen: (modes,) which modes span the plane.
+        is_measured: (d,) where it was.
+        in_plane: (modes,) which modes span the plane.
         shapes: (modes, d)
 
     Returns:
         (d,) of the model, also where nothing was measured.
     """
-    basis = jnp.where(chosen[:, None] & known, shapes, 0.0)
+    basis = jnp.where(in_plane[:, None] & is_measured, shapes, 0.0)
     gram = basis @ basis.T
     size = jnp.trace(gram)
     size = jnp.where(size > 0, size, 1.0)
     # Two modes that are one at these places make it singular; what is added changes 1e-10 of a shape.
     ridge = _RIDGE * size * jnp.eye(gram.shape[0])
     share = jnp.linalg.solve(gram + ridge, basis @ reading)
-    return share @ jnp.where(chosen[:, None], shapes, 0.0)
+    return share @ jnp.where(in_plane[:, None], shapes, 0.0)
 
 
 @dataclass(frozen=True)
@@ -221,22 +224,35 @@ class VibrationTest(AbstractMeasurement):
         rows = self._rows(machine)
         for pair in zip(self.targets, self.axes, strict=True):
             if pair not in rows:
-                known = ", ".join(f"{name} {axis}" for name, axis in rows)
-                raise BadInput(f"{self.source}: target", " ".join(pair), f"one of {known}")
+                choices = ", ".join(f"{name} {axis}" for name, axis in rows)
+                raise BadInput(f"{self.source}: target", " ".join(pair), f"one of {choices}")
 
     def _rows(self, machine: Machine) -> list[tuple[str, str]]:
         places: Any = machine.parts.get("balancing")
         if places is None:
             raise BadInput(f"{self.source}: balancing", "absent", "given with its targets")
-        return [(one.name, axis) for one in places.targets for axis in one.axes]
+        rows = []
+        for target in places.targets:
+            rows += [(target.name, axis) for axis in target.axes]
+        return rows
 
     @property
     def nuisances(self):
         """Gain, and with phases the reference angle."""
-        out = [Parameter("gain", 0.5, 2.0, 1.0, 1.0, 0.02)]
-        if np.isfinite(self.phase).any():
-            out.append(Parameter("reference_angle", -0.5, 0.5, 0.0, 0.0, 2 * _DEGREE, False, "rad"))
-        return tuple(out)
+        gain = Parameter("gain", low=0.5, high=2.0, start=1.0, prior=1.0, sd=0.02)
+        if not np.isfinite(self.phase).any():
+            return (gain,)
+        angle = Parameter(
+            name="reference_angle",
+            low=-0.5,
+            high=0.5,
+            start=0.0,
+            prior=0.0,
+            sd=2 * _DEGREE,
+            log=False,
+            unit="rad",
+        )
+        return gain, angle
 
     def _speeds(self) -> NDArray:
         return np.unique(self.speed.round(9))
@@ -244,35 +260,49 @@ class VibrationTest(AbstractMeasurement):
     def entries(self, sd):
         # columns of a point: real parts, imaginary parts and sizes of all rows of the machine
         phased = np.isfinite(self.phase)
-        own = given_or_usual(self.sd, usual("vibration", sd, 0.05) * self.amplitude)
+        along = stated_or_usual(self.sd, usual("vibration", sd, 0.05) * self.amplitude)
         # across the direction of the reading it errs by 5 degrees
-        whole = np.sqrt((own**2 + (5 * _DEGREE * self.amplitude) ** 2) / 2)
+        component = np.sqrt((along**2 + (5 * _DEGREE * self.amplitude) ** 2) / 2)
         value = self.amplitude * np.exp(1j * np.where(phased, self.phase, 0.0))
         point = np.searchsorted(self._speeds(), self.speed.round(9))
         pairs = list(dict.fromkeys(zip(self.targets, self.axes, strict=True)))
         row = np.array([pairs.index(p) for p in zip(self.targets, self.axes, strict=True)])
+        labels = [
+            f"{target} {axis} at {speed:.5g} rad/s"
+            for target, axis, speed in zip(self.targets, self.axes, self.speed, strict=True)
+        ]
+        # Readings with a phase count by both parts, those without by their size.
+        groups = (
+            ("vibration.real", phased, np.real(value), component),
+            ("vibration.imaginary", phased, np.imag(value), component),
+            ("vibration", ~phased, self.amplitude, along),
+        )
         kinds = {}
-        parts = []
-        for n, (name, chosen) in enumerate(
-            (("vibration.real", phased), ("vibration.imaginary", phased), ("vibration", ~phased))
-        ):
-            at = np.flatnonzero(chosen)
-            kinds |= {name: Kind("m", name == "vibration")} if at.size else {}
-            measured = (np.real(value), np.imag(value), self.amplitude)[n][at]
-            parts.append((
-                [name] * at.size, point[at], n * len(pairs) + row[at], measured,
-                (own if n == 2 else whole)[at],
-                [f"{self.targets[k]} {self.axes[k]} at {self.speed[k]:.5g} rad/s" for k in at],
-                self.speed[at],
-            ))  # fmt: skip
-        quantity, point, column, measured, deviation, names, speed = zip(*parts, strict=True)
+        quantity = []
+        column = []
+        measured = []
+        deviation = []
+        order = []
+        for n, (name, mask, numbers, errors) in enumerate(groups):
+            at = np.flatnonzero(mask)
+            if at.size:
+                kinds[name] = Kind("m", name == "vibration")
+            quantity += [name] * at.size
+            column.append(n * len(pairs) + row[at])
+            measured.append(numbers[at])
+            deviation.append(errors[at])
+            order.append(at)
+        rows = np.concatenate(order)
         return Entries(
-            tuple(chain.from_iterable(quantity)),
-            kinds,
-            *map(np.concatenate, (point, column, measured, deviation)),
-            tuple(chain.from_iterable(names)),
-            {"speed": np.concatenate(speed)},
-            {"speed": "rad/s"},
+            quantity=tuple(quantity),
+            kinds=kinds,
+            point=point[rows],
+            column=np.concatenate(column),
+            measured=np.concatenate(measured),
+            sd=np.concatenate(deviation),
+            names=tuple(labels[n] for n in rows),
+            conditions={"speed": self.speed[rows]},
+            units={"speed": "rad/s"},
         )
 
     def points(self, machine):
@@ -286,10 +316,10 @@ class VibrationTest(AbstractMeasurement):
         speed, rows = point
         places: Any = replaced(machine.parts["balancing"], speeds=speed[None])
         machine = replace(machine, parts={**machine.parts, "balancing": places})
-        found = DesignResult(machine, AnalysisOptions(orders=(self.order,)))
-        own = [*nuisances, 0.0][:2]
-        gain = own[0] * jnp.exp(1j * own[1])
-        value = gain * found.vibration.targets[0, 0][rows]
+        result = DesignResult(machine, AnalysisOptions(orders=(self.order,)))
+        constants = [*nuisances, 0.0][:2]
+        gain = constants[0] * jnp.exp(1j * constants[1])
+        value = gain * result.vibration.targets[0, 0][rows]
         size = jnp.sqrt(value.real**2 + value.imag**2 + 1e-30)  # no kink at zero
         values = jnp.concatenate([value.real, value.imag, size])
-        return values, found.ok & jnp.all(jnp.isfinite(values))
+        return values, result.ok & jnp.all(jnp.isfinite(values))

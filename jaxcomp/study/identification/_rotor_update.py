@@ -124,24 +124,29 @@ def update_rotor(
     for path in paths:
         if not path.startswith("rotor."):
             raise BadInput("paths", path, "a number of the rotor, as rotor.shafts.0.length")
-        now = float(varied(design, path).current(design))
-        vary[path] = (within[0] * now, within[1] * now)
+        present = float(varied(design, path).current(design))
+        vary[path] = (within[0] * present, within[1] * present)
         if regularisation:
             # a relative error of the frequencies weighs as much as a range of the factor over it
-            prior[path] = (now, test.USUAL * (vary[path][1] - vary[path][0]) / regularisation)
-    found = identify(machine, test, vary, prior, starts=1)
-    before, _ = found.study(np.asarray(found.start), [0])
-    mine = found.of("frequency")
+            prior[path] = (present, test.USUAL * (vary[path][1] - vary[path][0]) / regularisation)
+    identification = identify(machine, test, vary, prior, starts=1)
+    before, _ = identification.study(np.asarray(identification.start), [0])
+    rows = identification.of("frequency")
+    fit = identification.fit
     return RotorUpdate(
-        found.parameters,
-        found.units,
-        *(np.asarray(one) for one in (found.start, found.estimate, found.standard_error)),
-        np.array([bool(one) for one in found.fit.at_bound]),
-        test.free,
-        bool(found.fit.converged),
-        int(found.fit.steps),
-        tuple(found.notes),
-        np.array(test.modes),
-        *(np.asarray(one)[mine] for one in (found.measured, before, found.computed)),
-        found,
+        paths=identification.parameters,
+        units=identification.units,
+        start=np.asarray(identification.start),
+        estimate=np.asarray(identification.estimate),
+        standard_error=np.asarray(identification.standard_error),
+        at_bound=np.array(fit.at_bound, bool),
+        free=test.free,
+        converged=bool(fit.converged),
+        steps=int(fit.steps),
+        notes=tuple(identification.notes),
+        mode=np.array(test.modes),
+        measured=np.asarray(identification.measured)[rows],
+        before=np.asarray(before)[rows],
+        after=np.asarray(identification.computed)[rows],
+        identification=identification,
     )
