@@ -156,7 +156,9 @@ class DesignResult:
     def least_film(self) -> Float[Array, ""]:
         """[m] Smallest of all journals over the revolution."""
         films = [film.minimum_film for film in self.journals.values()]
-        return jnp.min(jnp.stack(films)) if films else jnp.asarray(jnp.inf)
+        if films:
+            return jnp.min(jnp.stack(films))
+        return jnp.asarray(jnp.inf)
 
     @property
     def peak_shaking_force(self) -> Float[Array, ""]:
@@ -285,7 +287,9 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
         result = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
         return offered_values(traced, result)
 
-    shapes = eqx.filter_eval_shape(values, design) if traced else {}
+    shapes = {}
+    if traced:
+        shapes = eqx.filter_eval_shape(values, design)
     available = {}
     for quantity in suiting:
         if quantity in traced and quantity.name not in shapes:

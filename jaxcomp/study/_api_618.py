@@ -164,7 +164,9 @@ def _ends(
     if isinstance(gas, PolytropicCycle):
         ends = {"head": _ideal_end(gas, machine_gas, displacement)}
     elif isinstance(gas, DoubleActing):
-        source = machine_gas.head_end if isinstance(machine_gas, DoubleActing) else machine_gas
+        source = machine_gas
+        if isinstance(machine_gas, DoubleActing):
+            source = machine_gas.head_end
         rod = jnp.pi / 4 * gas.rod_diameter**2 * stroke * turns
         ends = {
             "head": _ideal_end(gas.head_end, source, displacement),
@@ -189,7 +191,9 @@ def _ideal_end(cycle: PolytropicCycle, source: Any, displacement) -> dict[str, A
     """An end with ideal valves, whose gas is cooled to the inlet's temperature between the stages."""
     warm = getattr(source, "inlet_temperature", None)
     # of several lines the first cylinder's gas
-    inlet = jnp.nan if warm is None else jnp.ravel(warm)[0]
+    inlet = jnp.nan
+    if warm is not None:
+        inlet = jnp.ravel(warm)[0]
     ratio = cycle.discharge_pressure / cycle.suction_pressure
     return {
         "suction_pressure": cycle.suction_pressure,
@@ -341,7 +345,9 @@ class _Sampled(NamedTuple):
         # The vertex of the parabola through the largest load and its neighbours, in steps from it.
         before, top, after = loads[place - 1 : place + 2]
         bend = before - 2 * top + after
-        shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+        shift = 0.0
+        if bend < 0:
+            shift = 0.5 * (before - after) / bend
         value = top - 0.25 * (before - after) * shift
         return float(value), float(angles[place] + shift * (angles[1] - angles[0]))
 

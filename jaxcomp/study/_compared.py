@@ -72,7 +72,9 @@ def design_study(
     rule = design_rules[variable]
     # The designs are laid out before anything is compiled, so that studies of other variables with
     # as many values run the same program.
-    start = machine if isinstance(machine, Compressor) else machine_of(machine)
+    start = machine
+    if not isinstance(machine, Compressor):
+        start = machine_of(machine)
     designs = jax.vmap(partial(rule.apply, start))(jnp.asarray(values, float))
     return _all(designs, solver)
 
@@ -332,7 +334,9 @@ def _values_of(
 
 def _described(machine: Any) -> Machine:
     """The machine of a scene; of a compressor alone one without further sections."""
-    return Machine(machine) if isinstance(machine, Compressor) else machine_of(machine)
+    if isinstance(machine, Compressor):
+        return Machine(machine)
+    return machine_of(machine)
 
 
 @kept_jit
@@ -366,7 +370,7 @@ def _family(name: str) -> str:
 
 
 def _dimensions(machine: Any) -> Iterator[tuple[str, tuple[str, float]]]:
-    compressor = machine if isinstance(machine, Compressor) else machine_of(machine).compressor
+    compressor = _described(machine).compressor
     for path, part in subparts(compressor):
         for name, field in quantities(part):
             value = getattr(part, name)

@@ -72,7 +72,9 @@ class Descent:
         if best.optimal:
             return "converged"
         if limited or not best.feasible:
-            return "step limit" if limited else "no feasible design"
+            if limited:
+                return "step limit"
+            return "no feasible design"
         smooth = best.stationarity <= _ROUGH * self.goal.tolerance
         return "converged" if smooth else "no better step"
 
@@ -216,8 +218,12 @@ def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -
         BadInput: no such method, or one that does not suit the goal.
     """
     if method is None:
-        method = "least-squares" if goal.targets and not goal.limits else "slsqp"
-    named = method if isinstance(method, str) else "a transformation of optax"
+        method = "slsqp"
+        if goal.targets and not goal.limits:
+            method = "least-squares"
+    named = "a transformation of optax"
+    if isinstance(method, str):
+        named = method
     if named == "slsqp":
         return _slsqp
     usable = method in METHODS if isinstance(method, str) else hasattr(method, "update")

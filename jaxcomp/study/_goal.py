@@ -125,13 +125,17 @@ class Goal:
     @property
     def name(self) -> str:
         """Name of the objective."""
-        return "residuals" if self.objective is None else self.problem.names[self.objective]
+        if self.objective is None:
+            return "residuals"
+        return self.problem.names[self.objective]
 
     @property
     def unit(self) -> float:
         """[SI] by which f multiplies into the objective."""
         place = self.objective
-        return 1.0 if place is None else self.sign * float(self.scale[place])
+        if place is None:
+            return 1.0
+        return self.sign * float(self.scale[place])
 
     @property
     def equalities(self) -> Bool[np.ndarray, " limits"]:
@@ -169,9 +173,8 @@ def goal_of(
             raise BadInput("objective", "empty", "a quantity, or at least one target")
         if maximise is not None:
             raise BadInput("maximise", str(maximise), "left out with targets, which are met")
-        targets = tuple(
-            _target(quantity, place(quantity), value) for quantity, value in objective.items()
-        )
+        for quantity, value in objective.items():
+            targets += (_target(quantity, place(quantity), value),)
     else:
         main = place(objective)
         sign = _sign(objective, maximise)
@@ -202,7 +205,9 @@ def _target(quantity: RequestedQuantity, place: int, value) -> Limit:
 
 def _sign(quantity: RequestedQuantity, maximise: bool | None) -> int:
     if maximise is None:
-        better = quantity_named(quantity).better if isinstance(quantity, str) else "less"
+        better = "less"
+        if isinstance(quantity, str):
+            better = quantity_named(quantity).better
         if not better:
             bound = f"given: {quantity} is not better in either direction"
             raise BadInput("maximise", "absent", bound)
@@ -299,7 +304,9 @@ class Point:
         place = self.goal.objective
         if not self.ok:
             return np.nan
-        return self.f if place is None else float(self.values[place])
+        if place is None:
+            return self.f
+        return float(self.values[place])
 
     @cached_property
     def violation(self) -> float:
@@ -356,7 +363,9 @@ class Point:
     def rank(self) -> tuple[float, float]:
         """Lower is better: first the violation, then the objective."""
         # Whatever is feasible ranks by the objective alone.
-        violation = max(self.violation, 10 * FEASIBLE) if self.ok else np.inf
+        violation = np.inf
+        if self.ok:
+            violation = max(self.violation, 10 * FEASIBLE)
         return violation, self.f
 
     @property

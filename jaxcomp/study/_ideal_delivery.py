@@ -53,7 +53,9 @@ def ideal_delivery(
     stages = jnp.ones(count, int)
     last_stage = 1
     pressures = {}
-    ends = machine_gas.head_end if isinstance(machine_gas, DoubleActing) else machine_gas
+    ends = machine_gas
+    if isinstance(machine_gas, DoubleActing):
+        ends = machine_gas.head_end
     if isinstance(machine_gas, StagedCycle):
         stages = jnp.asarray(machine_gas.stages)
         last_stage = max(machine_gas.stages)

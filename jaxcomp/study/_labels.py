@@ -71,4 +71,6 @@ def _part(part: Any, step: str) -> str:
 def _node(node: Any) -> str:
     if node is None:
         return "ground"
-    return " to ".join(map(_node, node)) if isinstance(node, tuple) else str(node)
+    if isinstance(node, tuple):
+        return " to ".join(map(_node, node))
+    return str(node)

@@ -72,10 +72,10 @@ class LoadSteps(Result):
         temperature is that of the hottest end that delivers.
         """
         full = float(self.states[0].quantities["mass_flow"])
-        return [
-            {"name": name, **_row(state, full)}
-            for name, state in zip(self.names, self.states, strict=True)
-        ]
+        rows = []
+        for name, state in zip(self.names, self.states, strict=True):
+            rows.append({"name": name, **_row(state, full)})
+        return rows
 
 
 def load_steps(

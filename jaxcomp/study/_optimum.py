@@ -13,11 +13,10 @@ from .._core.display import shown
 from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from ..machine import Machine
-from ._analysis import quantity_named
 from ._compared import Comparison, compare
 from ._descent import BETTER, Descent
 from ._goal import FEASIBLE, Goal, Point, Ranges
-from ._problem import Problem
+from ._problem import Problem, may_need
 
 _SIGNS = {"upper": "<=", "lower": ">=", "equal": "="}  # of a side
 
@@ -185,14 +184,14 @@ class Optimum(Result):
         problem = self.problem
         sample = self.sample
         units = problem.unit_of
-        names = [variable.name for variable in problem.variables]
+        names = problem.variable_names
         constraints = []
         for constraint in self.constraints:
             constraints.append(constraint._asdict() | {"unit": units[constraint.name]})
         return {
             "variables": records(
                 name=names,
-                unit=[variable.unit for variable in problem.variables],
+                unit=problem.variable_units,
                 low=self.ranges.low,
                 high=self.ranges.high,
                 present=problem.current,
@@ -243,10 +242,8 @@ class Optimum(Result):
         `None` where no quantity needs a periodic state of the crank; these are compared by themselves.
         """
         problem = self.problem
-        quantities = problem.quantities
-        crank = any(
-            not isinstance(q, str) or "orbit" in quantity_named(q).needs for q in quantities
-        )
+
+        crank = any(may_need(quantity, "orbit") for quantity in problem.quantities)
         if problem.design.compressor is None or not crank:
             return None
         designs = {"Present": problem.design, self.label: self.design}
@@ -261,7 +258,7 @@ def optimum_of(goal: Goal, sample: Sample, descents: Sequence[Descent]) -> Optim
     end = best.best
     values = ranges.values(best.best.share)
     verdict, local = _verdict(sample, end)
-    names = [variable.name for variable in problem.variables]
+    names = problem.variable_names
     # From spreads and shares of ranges back to SI.
     gradient = goal.unit * end.gradient / ranges.width
     at_bound = {}

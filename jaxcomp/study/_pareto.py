@@ -71,7 +71,7 @@ class ParetoFront(Result):
         """The quantities of this result in SI units; the table has the points of the front."""
         at = self.table_dims
         names = *self.variables, *self.names
-        units = *self._variable_units, *self.units
+        units = *self.ends[0].problem.variable_units, *self.units
         columns = *self.values.T, *self.objectives.T
         for name, unit, column in zip(names, units, columns, strict=True):
             yield Data(name, unit, column, at)
@@ -87,7 +87,7 @@ class ParetoFront(Result):
 
         return {
             "objectives": records(name=self.names, unit=self.units, maximised=self.maximised),
-            "variables": records(name=self.variables, unit=self._variable_units),
+            "variables": records(name=self.variables, unit=self.ends[0].problem.variable_units),
             "present": dict(zip(self.names, self.present, strict=True)),
             "points": records(
                 values=named(self.variables, self.values),
@@ -98,10 +98,6 @@ class ParetoFront(Result):
             "sample": {"count": len(self.ends[0].sample.ok), "feasible": len(self.sample)},
             **fields_of(self, "beaten_by", "evaluations"),
         }
-
-    @property
-    def _variable_units(self) -> list[str]:
-        return [variable.unit for variable in self.ends[0].problem.variables]
 
 
 def pareto(
@@ -176,7 +172,7 @@ def pareto(
         names=(goals[0].name, goals[1].name),
         units=tuple(problem.units[place] for place in places),
         maximised=(goals[0].sign < 0, goals[1].sign < 0),
-        variables=tuple(variable.name for variable in problem.variables),
+        variables=problem.variable_names,
         values=np.array([ranges.values(descent.best.share) for descent in front]),
         objectives=reached,
         exchange=np.array([_exchange(descent, goals) for descent in front]),
@@ -257,7 +253,9 @@ def _exchange(descent: Descent, goals: list[Goal]) -> float:
     """[SI] Slope of the front at one of its points, by its last limit; NaN at an end."""
     if descent.goal in goals or (slope := descent.best.price(-1)) == 0:
         return np.nan
-    return slope if descent.goal.objective == goals[0].objective else 1 / slope
+    if descent.goal.objective == goals[0].objective:
+        return slope
+    return 1 / slope
 
 
 def dominated(shown: np.ndarray, margin: float) -> np.ndarray:

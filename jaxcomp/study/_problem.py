@@ -32,12 +32,21 @@ RequestedQuantity = str | Callable[[DesignResult], Float[Array, ""]]
 
 def name_of(quantity: RequestedQuantity) -> str:
     """Name of a quantity; a function goes by its own name."""
-    return quantity if isinstance(quantity, str) else quantity.__name__
+    if isinstance(quantity, str):
+        return quantity
+    return quantity.__name__
 
 
 def unit_of(quantity: RequestedQuantity) -> str:
     """SI unit of a quantity; empty for a function."""
-    return quantity_named(quantity).unit if isinstance(quantity, str) else ""
+    if not isinstance(quantity, str):
+        return ""
+    return quantity_named(quantity).unit
+
+
+def may_need(quantity: RequestedQuantity, part: str) -> bool:
+    """Whether a quantity needs a part of the result; of a function anything must be assumed."""
+    return not isinstance(quantity, str) or part in quantity_named(quantity).needs
 
 
 def value_of(quantity: RequestedQuantity, result: DesignResult) -> Float[Array, ""]:
@@ -106,12 +115,22 @@ class Problem(eqx.Module):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities; a function goes by its own name."""
-        return tuple(name_of(q) for q in self.quantities)
+        return tuple(map(name_of, self.quantities))
 
     @property
     def units(self) -> tuple[str, ...]:
         """SI units of the quantities; empty for functions."""
-        return tuple(unit_of(q) for q in self.quantities)
+        return tuple(map(unit_of, self.quantities))
+
+    @property
+    def variable_names(self) -> tuple[str, ...]:
+        """Names of the variables."""
+        return tuple(variable.name for variable in self.variables)
+
+    @property
+    def variable_units(self) -> tuple[str, ...]:
+        """SI units of the variables."""
+        return tuple(variable.unit for variable in self.variables)
 
     @property
     def unit_of(self) -> dict[str, str]:
@@ -129,8 +148,8 @@ class Problem(eqx.Module):
 
     def columns(self, points, values, dims=(), before: str = "") -> Iterator[Data]:
         """Variables [SI] (*designs, variables) and quantities (*designs, quantities) of a result."""
-        names = (*(variable.name for variable in self.variables), *self.names)
-        units = (*(variable.unit for variable in self.variables), *self.units)
+        names = *self.variable_names, *self.names
+        units = *self.variable_units, *self.units
         for name, unit, column in zip(names, units, (*points.T, *values.T), strict=True):
             yield Data(f"{before}{name}", unit, column, dims)
 
@@ -226,8 +245,8 @@ def problem_of(
         return problem(scene, names, quantities or ("mechanical_efficiency",), options)
     if quantities is not None or options is not None:
         raise BadInput("quantities", "given twice", "left to the `Problem`, as are the options")
-    expected = [variable.name for variable in scene.variables]
-    if list(names) != expected:
+    expected = scene.variable_names
+    if tuple(names) != expected:
         raise BadInput(label, ", ".join(names), f"{', '.join(expected)}, in this order")
     return scene
 
@@ -254,7 +273,9 @@ def of_each(function: Callable, problem: Problem, points):
 
     Such designs differ in their number of steps, and the program of a batch is several times as large.
     """
-    return jax.lax.map(function, points) if solves_gas(problem) else jax.vmap(function)(points)
+    if solves_gas(problem):
+        return jax.lax.map(function, points)
+    return jax.vmap(function)(points)
 
 
 class Solved(NamedTuple):
@@ -318,9 +339,8 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
         if not columns:
             columns = answers
             continue
-        columns = [
-            column.at[subset].set(entry) for column, entry in zip(columns, answers, strict=True)
-        ]
+        for number, answer in enumerate(answers):
+            columns[number] = columns[number].at[subset].set(answer)
     return Solved(*columns)
 
 
@@ -377,17 +397,18 @@ def prepared(problem: Problem) -> Problem:
     Args:
         problem: of `jaxcomp.problem`.
     """
-    shows_vibration = any(
-        not isinstance(q, str) or "vibration" in quantity_named(q).needs for q in problem.quantities
-    )
+    shows_vibration = any(may_need(quantity, "vibration") for quantity in problem.quantities)
     if problem.options.known is not None:
         return problem
     if not shows_vibration or not {"rotor", "loads", "balancing"} <= set(problem.design.parts):
         return problem
     crank = by_crank(assembled(problem.design), problem.options)
-    loads = _LOADS if crank else (*_LOADS, "loads.forces.")
-    names = [v.name for v in problem.variables]
-    names += [name for q in problem.quantities for name in getattr(q, "changes", ())]
+    loads = _LOADS
+    if not crank:
+        loads = (*_LOADS, "loads.forces.")
+    names = [*problem.variable_names]
+    for quantity in problem.quantities:
+        names += getattr(quantity, "changes", ())
     if not all(name.startswith(loads) for name in names):
         return problem
     unit_response = known_response(problem.design, problem.options)

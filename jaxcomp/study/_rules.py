@@ -124,7 +124,9 @@ def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
         _scaled(shaft, ("unbalance", "shaft_unbalance", "shaft_couple"), share), throws=throws
     )
     scaled = _with_compressor(machine, crankshaft=shaft)
-    case = scaled.parts.get("loads") if isinstance(scaled, Machine) else None
+    case = None
+    if isinstance(scaled, Machine):
+        case = scaled.parts.get("loads")
     if not isinstance(case, LoadCase) or case.crank is None or not case.unbalances:
         return scaled
 

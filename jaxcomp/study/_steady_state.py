@@ -118,7 +118,9 @@ class SteadyState(Result):
         """
         units = self.units_of_nested()
         for name, value in {**self.quantities, **self.numbers}.items():
-            members = value if isinstance(value, dict) else {"": value}
+            members = value
+            if not isinstance(value, dict):
+                members = {"": value}
             for member, number in members.items():
                 yield Data(f"{name}.{member}" if member else name, str(units[name]), number)
         yield from (entry for entry in self.orbit.described() if entry.dims)
@@ -288,7 +290,9 @@ def _numbers(
     forces = None
     if has_rod_forces(compressor):
         # stages have their pressures in the compressor that was put together
-        machine_gas = None if machine.compressor is None else machine.compressor.gas
+        machine_gas = None
+        if machine.compressor is not None:
+            machine_gas = machine.compressor.gas
         forces = rod_forces(compressor, machine_gas, orbit, result.wrench)
     numbers = {
         "motor_work": energy.motor_work,
@@ -317,10 +321,10 @@ def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
     double_acting = getattr(compressor.gas, "rod_diameter", None) is not None
     if not (packed or double_acting):
         return {}
-    return {
-        name: {"angle": float(angle), "share": float(share)}
-        for name, (angle, share) in rod_load_reversal(orbit).items()
-    }
+    rods = {}
+    for name, (angle, share) in rod_load_reversal(orbit).items():
+        rods[name] = {"angle": float(angle), "share": float(share)}
+    return rods
 
 
 def _film_summary(film: JournalFilm) -> dict[str, Any]:

@@ -66,7 +66,9 @@ class Variable(NamedTuple):
         if (fraction := _fraction(design, self.name)) is not None:
             return fraction.fluid.fraction(fraction.kind, fraction.component)
         value = walk(design, _steps(self.name))
-        return value if jnp.ndim(value) == 0 else jnp.ones(())
+        if jnp.ndim(value) == 0:
+            return value
+        return jnp.ones(())
 
     def apply(self, design: Machine, value: Float[Array, ""]) -> Machine:
         """The design with another value [SI]; unchecked, as everything that may run inside `jit`."""
@@ -118,7 +120,9 @@ def changed(
     mixtures: dict[tuple[str, ...], dict[str, Any]] = {}
     kinds: dict[tuple[str, ...], str] = {}
     for number, change in enumerate(variables):
-        fraction = _fraction(design, change.name) if isinstance(change, Variable) else None
+        fraction = None
+        if isinstance(change, Variable):
+            fraction = _fraction(design, change.name)
         if fraction is None:
             design = change.apply(design, values[number])
         else:
@@ -306,7 +310,9 @@ def _polar(name: str) -> tuple[str, str]:
     """Plane and polar coordinate of a correction that is named by one; twice `""` otherwise."""
     root, _, path = name.partition(".")
     plane, _, polar = path.rpartition(".")
-    return (plane, polar) if root == CORRECTIONS and polar in _POLAR else ("", "")
+    if root == CORRECTIONS and polar in _POLAR:
+        return (plane, polar)
+    return ("", "")
 
 
 def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -332,13 +338,17 @@ def _numbers(tree: Part | tuple) -> Iterator[str]:
         if eqx.is_array(child):
             yield str(name)
             continue
-        parts = child if isinstance(child, tuple) else (child,)
+        parts = child
+        if not isinstance(child, tuple):
+            parts = (child,)
         if any(isinstance(part, Part) for part in parts):
             yield from (f"{name}.{path}" for path in _numbers(child))
 
 
 def _roots(design):
-    out = {} if design.compressor is None else {"": design.compressor}
+    out = {}
+    if design.compressor is not None:
+        out = {"": design.compressor}
     for section in _NAMED:
         out |= {f"{section}.{name}.": part for name, part in getattr(design, section).items()}
     return out | {f"{name}.": part for name, part in design.parts.items()}

@@ -444,7 +444,9 @@ def solve_rated(
         solver: of the crank's motion in any case, in the place of the usual ones.
     """
     assert isinstance(compressor.gas, Cylinder)
-    crank_solver = None if solver is None else replaced(solver, cycle=plain.cycle)
+    crank_solver = None
+    if solver is not None:
+        crank_solver = replaced(solver, cycle=plain.cycle)
     if (
         compressor.motor.closes == "torque"
         or not compressor.gas.inert

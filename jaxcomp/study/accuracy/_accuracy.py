@@ -172,7 +172,9 @@ def _excitation(
     case = design.parts.get("loads")
     if not of_rotor or not isinstance(case, LoadCase):
         return None
-    return "crank" if case.crank is not None and design.compressor is not None else "file"
+    if case.crank is not None and design.compressor is not None:
+        return "crank"
+    return "file"
 
 
 def _first_calls(question: Question) -> dict[str, Cost]:

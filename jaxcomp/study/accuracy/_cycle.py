@@ -74,7 +74,9 @@ def cycle_study(question: Question, thorough: bool) -> Study:
         BadInput: another gas.
     """
     machine = one_cylinder(question.compressor)
-    settings = _inert(question, machine, thorough) if machine.gas.inert else []
+    settings = []
+    if machine.gas.inert:
+        settings = _inert(question, machine, thorough)
     settings += _quasi_steady(question, machine, thorough)
     note = "the cycle at constant speed, with port inertia and quasi-steady"
     name = "indicated work, volumetric efficiency and their elasticities"
@@ -117,10 +119,13 @@ def derivatives(rows: Sequence[Measurement]) -> DerivativeCheck | None:
     by_task = {row.task: row for row in rows if row.setting == label}
     if "value" not in by_task or "gradient" not in by_task:
         return None
-    errors = [
-        max(by_task[task].error, by_task[task].floor or 0.0) for task in ("value", "gradient")
-    ]
-    return DerivativeCheck(label, *errors)
+
+    def claimed(row: Measurement) -> float:
+        return max(row.error, row.floor or 0.0)
+
+    return DerivativeCheck(
+        setting=label, value=claimed(by_task["value"]), gradient=claimed(by_task["gradient"])
+    )
 
 
 def figures(machine: Any, options: CycleOptions, logs: jax.Array) -> Solved:

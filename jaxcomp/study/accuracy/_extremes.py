@@ -123,7 +123,9 @@ class Extremes(Result):
             values = [getattr(case, name) for case in self.cases]
             words = name in ("family", "setting", "status")
             column = np.array(values) if words else np.array(values, float)
-            doc = "efficiency, or of a response a displacement in m" if name == "value" else ""
+            doc = ""
+            if name == "value":
+                doc = "efficiency, or of a response a displacement in m"
             yield Data(name, "s" if name == "seconds" else "", column, self.table_dims, doc)
 
 
@@ -271,10 +273,10 @@ def _cycle_solved(family: str, setting: str, compressor: Compressor) -> Extreme:
     arguments = machine.gas, machine.mechanism, machine.motor.speed_guess
     cycle = solve_cycle(*arguments, throw=False)
     march = solve_cycle(*arguments, _CYCLE_MARCH, throw=False)
-    errors = [
-        abs(float(getattr(cycle, name) / getattr(march, name)) - 1.0)
-        for name in ("indicated_work", "volumetric_efficiency")
-    ]
+    errors = []
+    for name in ("indicated_work", "volumetric_efficiency"):
+        ratio = float(getattr(cycle, name) / getattr(march, name))
+        errors.append(abs(ratio - 1.0))
     status = Status[cycle.status]
     if bool(cycle.converged) and not bool(march.converged):
         status = "converged, but the march that verifies it did not end"
@@ -437,7 +439,9 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
         value = float(jnp.max(jnp.abs(structured.displacement)))
         gap = float(jnp.max(jnp.abs(structured.displacement - dense.displacement))) / value
         good = bool(jnp.all(structured.ok))
-        status = Status[Status.converged] if good else "the response is not to be relied on"
+        status = "the response is not to be relied on"
+        if good:
+            status = Status[Status.converged]
         seconds = median_time(lambda model=model, at=at: respond(model, loads, at))
         setting = f"damping x {times:g}, {worst * 30 / np.pi:.1f} rpm"
         yield Extreme(

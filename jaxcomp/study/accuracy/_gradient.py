@@ -181,4 +181,6 @@ class _Derivative:
 def _label(solver: Collocation | Shooting | None) -> str:
     if isinstance(solver, Collocation):
         return f"collocation nodes={solver.nodes} reversals={solver.reversals}"
-    return "" if solver is None else f"shooting {type(solver.solver).__name__}"
+    if solver is None:
+        return ""
+    return f"shooting {type(solver.solver).__name__}"

@@ -139,11 +139,15 @@ def orbit_reference(question: Question, second: SolverProgram | None = None) -> 
     value = fine.value(FINE_TOLERANCE)
     loose = float(fine.call(0.1).run().value)
     # both methods have the cycle of valves to 1e-12, of which the settings have errors
-    rounding = 0.0 if isinstance(question.crank.gas, Cylinder) else _ROUNDINGS
+    rounding = _ROUNDINGS
+    if isinstance(question.crank.gas, Cylinder):
+        rounding = 0.0
     same = abs(value - loose) <= _ROUNDING * abs(value)
     if same and abs(value - other) <= rounding * abs(value):
         excited = question.excitation is not None
-        cause = f" (with the excitation '{question.excitation}')" if excited else ""
+        cause = ""
+        if excited:
+            cause = f" (with the excitation '{question.excitation}')"
         bound = f"one that the solver of the periodic state has a part in{cause}"
         raise BadInput("quantity", question.quantity, bound)
     return Reference(value, other, (METHODS[0], name))
@@ -220,7 +224,9 @@ def _solve(machine: Compressor, rate, value, edges, method: str, tolerance: floa
     def revolution(unknowns, accounts=False):
         """State at the end, level of the torque, and speeds at the nodes if accounts are kept."""
         nonlocal calls
-        level = first_level * unknowns[1] if holds_speed else 1.0
+        level = 1.0
+        if holds_speed:
+            level = first_level * unknowns[1]
         state = np.zeros(size if accounts else 2)
         state[0] = unknowns[0] * scale
         # works of a revolution are measured against the motor's, times against the period

@@ -244,7 +244,9 @@ class Report(Result):
 
     def floor(self, row: Measurement) -> float:
         """[-] below which no error of a row is claimed."""
-        return self.reference.floor if row.floor is None else row.floor
+        if row.floor is None:
+            return self.reference.floor
+        return row.floor
 
     def cheapest(
         self, error: float, method: str | None = None, task: str | None = None
@@ -263,8 +265,8 @@ class Report(Result):
         bad = [r for r in self.rows if np.isfinite(r.error) and self.claimed(r) > error]
 
         def counts(row: Measurement) -> bool:
-            asked_for = row.candidate if method is None else row.method == method
-            if not asked_for or (task is not None and row.task != task):
+            eligible = row.candidate if method is None else row.method == method
+            if not eligible or (task is not None and row.task != task):
                 return False
             if not self.claimed(row) <= error:
                 return False

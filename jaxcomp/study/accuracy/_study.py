@@ -89,7 +89,9 @@ class Program:
     @property
     def memory(self) -> int | None:
         analysis = self._compiled.memory_analysis()
-        return None if analysis is None else int(analysis.temp_size_in_bytes)
+        if analysis is None:
+            return None
+        return int(analysis.temp_size_in_bytes)
 
     @property
     def text(self) -> str:
@@ -146,7 +148,9 @@ class Question(NamedTuple):
     def default_solver(self) -> Collocation:
         """Solver that `solve_orbit` takes for this machine."""
         machine = self.compressor
-        return Collocation(reversals=0) if machine is None else default_collocation(machine)
+        if machine is None:
+            return Collocation(reversals=0)
+        return default_collocation(machine)
 
     @property
     def fine_solver(self) -> Collocation:
@@ -158,7 +162,9 @@ class Question(NamedTuple):
     def load_reversals(self) -> int:
         """Number of load reversals of the mechanism within a stroke."""
         machine = self.compressor
-        return 0 if machine is None else machine.load_reversals
+        if machine is None:
+            return 0
+        return machine.load_reversals
 
     def options(
         self, solver: Collocation | Shooting | None, tolerance: float = FINE_TOLERANCE
@@ -192,7 +198,9 @@ class Solved(NamedTuple):
             return Status[self.status]
         if not bool(self.ok):
             return "the response, or a periodic state that it needs, is not converged"
-        return "" if np.all(np.isfinite(self.value)) else "the value is not finite"
+        if np.all(np.isfinite(self.value)):
+            return ""
+        return "the value is not finite"
 
 
 class Call(NamedTuple):
@@ -401,7 +409,9 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
         first = time.perf_counter() - start
     except (RuntimeError, SolveFailed, BadInput) as failed:
         return row._replace(why=str(failed))
-    solved = result if isinstance(result, Solved) else Solved(result)
+    solved = result
+    if not isinstance(result, Solved):
+        solved = Solved(result)
     seconds = median_time(call.run) if call.seconds is None else call.seconds
     program = call.program
     row = row._replace(

@@ -126,12 +126,16 @@ class Fit:
     @property
     def p_value(self) -> float:
         """Probability of a larger chi-square if the model and the deviations hold."""
-        return float(stats.chi2.sf(self.chi_square, self.freedom)) if self.freedom > 0 else np.nan
+        if self.freedom <= 0:
+            return np.nan
+        return float(stats.chi2.sf(self.chi_square, self.freedom))
 
     @property
     def scatter(self) -> float:
         """s, root of chi-square over its degrees of freedom; 1 without any."""
-        return float(np.sqrt(self.chi_square / self.freedom)) if self.freedom > 0 else 1.0
+        if self.freedom <= 0:
+            return 1.0
+        return float(np.sqrt(self.chi_square / self.freedom))
 
     @property
     def residual(self) -> NDArray:
@@ -195,7 +199,9 @@ class Fit:
             begin[at] = t
             free = np.arange(estimate.size) != at
             answer = problem.solve(begin, self.loss, free)
-            grown = np.inf if answer is None else max(2 * answer.cost - self._cost(problem), 0.0)
+            grown = np.inf
+            if answer is not None:
+                grown = max(2 * answer.cost - self._cost(problem), 0.0)
             return float(np.sqrt(grown / rise)) - 1
 
         ends = []
@@ -286,7 +292,9 @@ def fit(
     number = 0
     for number, point in enumerate(_with_others(points, answers, problem, seed), 1):
         if progress is not None:
-            best = f"chi-square {2 * problem.best[0]:.4g} so far" if answers else "the first"
+            best = "the first"
+            if answers:
+                best = f"chi-square {2 * problem.best[0]:.4g} so far"
             progress(f"start {number} of {max(number, len(points))}, {best}")
         answer = problem.solve(point, loss)
         if answer is not None:

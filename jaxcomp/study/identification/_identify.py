@@ -113,7 +113,9 @@ def _identification(
     """The result of a fit, with what the machine says of all points."""
     entries = model.entries
     # who interrupts waits for no further points
-    computed = points if result.interrupted else range(model.count)
+    computed = points
+    if not result.interrupted:
+        computed = range(model.count)
     value, slope = model(result.estimate, computed)
     directions = result.directions
     hardly_known = [each for each in directions if each.weak or each.unidentifiable]
@@ -154,11 +156,9 @@ def _identification(
 
 
 def _names(unknown: Variable | CommonFactor) -> list[str]:
-    return (
-        [number.name for number in unknown.each]
-        if isinstance(unknown, CommonFactor)
-        else [unknown.name]
-    )
+    if isinstance(unknown, CommonFactor):
+        return [number.name for number in unknown.each]
+    return [unknown.name]
 
 
 def _parameters(

@@ -59,7 +59,9 @@ class Parameter(NamedTuple):
 
     def scaled(self, value: ArrayLike) -> Any:
         """t of a value."""
-        return np.log(value) if self.log else np.asarray(value, float)
+        if self.log:
+            return np.log(value)
+        return np.asarray(value, float)
 
     def slope(self, value: float) -> float:
         """dp/dt at a value."""

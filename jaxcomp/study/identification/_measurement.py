@@ -179,4 +179,6 @@ def usual(name: str, replacements: Mapping[str, float], default: float) -> float
 
 def stated_or_usual(stated: NDArray | None, usual: NDArray) -> NDArray:
     """Standard deviations of single readings where they are given, the usual ones elsewhere."""
-    return usual if stated is None else np.where(np.isfinite(stated), stated, usual)
+    if stated is None:
+        return usual
+    return np.where(np.isfinite(stated), stated, usual)

@@ -152,7 +152,9 @@ class Readings(AbstractMeasurement):
         if machine.compressor is None:
             return self
         fluid = getattr(machine.as_compressor().gas, "fluid", None)
-        return self.by_dew_points(fluid) if has_dew_line(fluid) else self
+        if not has_dew_line(fluid):
+            return self
+        return self.by_dew_points(fluid)
 
     def deviation(self, name: str, sd: Mapping[str, float]) -> NDArray:
         """[SI] (n,) standard deviations of a quantity.
@@ -253,7 +255,9 @@ class Readings(AbstractMeasurement):
         for name, per_flow in flows.items():
             largest = displaced * per_flow
             measured = self.measured.get(name, none)
-            room = 3 * self.deviation(name, {}) if name in self.measured else 0.0
+            room = 0.0
+            if name in self.measured:
+                room = 3 * self.deviation(name, {})
             for n in np.flatnonzero(measured - room > largest):
                 if not sized:
                     bound = f"at most {largest[n]:.4g}: more than the piston displaces of the gas that comes"
@@ -262,7 +266,9 @@ class Readings(AbstractMeasurement):
         flow = np.where(np.isfinite(flow), flow, self.measured.get("capacity", none) / worth)
         power = self.measured.get("power", none)
         share = 3 * _deviation_of_flow(self) * flow * work
-        room = np.hypot(share, 3 * self.deviation("power", {})) if "power" in self.measured else 0.0
+        room = 0.0
+        if "power" in self.measured:
+            room = np.hypot(share, 3 * self.deviation("power", {}))
         for n in np.flatnonzero(power + room < flow * work):
             bound = (
                 f"at least {flow[n] * work[n]:.4g}, the power of isentropic compression of "

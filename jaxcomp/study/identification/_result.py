@@ -151,27 +151,30 @@ class Identification(Result, eqx.Module):
         """Constants, their covariance, the fit and the points held out."""
 
         columns = fields_of(self, "start", "estimate", "standard_error", "prior_share")
+        held_out = []
+        for name, errors in self.held_out.items():
+            record = {
+                "name": name,
+                "points": errors.count,
+                "error_rms": errors.rms,
+                "largest_error": errors.largest,
+                "share_inside": errors.inside,
+            }
+            held_out.append(record)
         return {
             "source": self.source,
             "parameters": records(name=self.parameters, unit=self.units, **columns),
             **fields_of(self, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
-            "held_out": [
-                {
-                    "name": name,
-                    "points": errors.count,
-                    "error_rms": errors.rms,
-                    "largest_error": errors.largest,
-                    "share_inside": errors.inside,
-                }
-                for name, errors in self.held_out.items()
-            ],
+            "held_out": held_out,
         }
 
     def error(self, name: str) -> NDArray:
         """(m of this quantity,) computed less measured: relative, or in the SI unit."""
         rows = self.of(name)
         off = np.asarray(self.computed - self.measured)[rows]
-        return off / np.asarray(self.measured)[rows] if self.kinds[name].relative else off
+        if not self.kinds[name].relative:
+            return off
+        return off / np.asarray(self.measured)[rows]
 
     def of(self, name: str) -> NDArray:
         """(m,) whether a reading is of this quantity."""

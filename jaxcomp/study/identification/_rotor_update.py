@@ -68,7 +68,9 @@ class RotorUpdate(Result, eqx.Module):
     @property
     def status(self) -> str:
         """End of the fit in words."""
-        return "converged" if self.converged else "not converged"
+        if self.converged:
+            return "converged"
+        return "not converged"
 
     def described(self) -> Iterator[Data]:
         """The numbers with their factors, and the frequencies."""

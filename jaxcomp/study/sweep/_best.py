@@ -72,7 +72,9 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     filled = np.where(np.isfinite(values), values, np.inf)
     best = np.argmin(filled, axis=0)
     between = [_vertex(along, filled[:, column], row) for column, row in enumerate(best)]
-    sign = -1.0 if found[name].attrs["better"] == "more" else 1.0
+    sign = 1.0
+    if found[name].attrs["better"] == "more":
+        sign = -1.0
     return BestCurve(
         across=across,
         along=np.where(all_failed, np.nan, along[best]),

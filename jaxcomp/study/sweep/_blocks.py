@@ -55,7 +55,9 @@ def default_width(problem: Problem, devices: Sequence[Device]) -> int:
     """Designs that are computed in step on one device; one where they are solved in turns anyway."""
     if solves_gas(problem):
         return 1
-    return _WIDTH if devices[0].platform == "cpu" else _WIDTH_ELSEWHERE
+    if devices[0].platform == "cpu":
+        return _WIDTH
+    return _WIDTH_ELSEWHERE
 
 
 def chosen_devices(devices: int | Sequence[Device] | None) -> list[Device]:

@@ -200,7 +200,9 @@ class SamplePoints:
         if sampling not in SAMPLINGS:
             raise BadInput("sampling", sampling, f"one of {', '.join(SAMPLINGS)}")
         # A Latin hypercube is drawn and held at once.
-        limit = 2**24 if sampling == "latin_hypercube" else MOST
+        limit = MOST
+        if sampling == "latin_hypercube":
+            limit = 2**24
         counted("samples", count, 1, limit)
         if seed < 0:
             raise BadInput("seed", seed, ">= 0")

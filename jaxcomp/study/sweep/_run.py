@@ -124,7 +124,9 @@ def sweep(
     points = _points(over, samples, sampling, seed)
     problem = problem_of(scene, "over", tuple(points.axes), quantities, options)
     _check(problem, points)
-    header = None if out is None else stored_header(Path(out))
+    header = None
+    if out is not None:
+        header = stored_header(Path(out))
     local = chosen_devices(devices)
     layout, width = _layout(problem, points, batch, width, local, header)
     about = {
@@ -207,7 +209,9 @@ def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
     if len(scattered) < len(over):
         name = next(name for name in over if name not in scattered)
         values = np.asarray(over[name]).ravel()
-        ends = f"{values.min():.6g}, {values.max():.6g}" if values.size else "low, high"
+        ends = "low, high"
+        if values.size:
+            ends = f"{values.min():.6g}, {values.max():.6g}"
         form = f"jaxcomp.uniform({ends}), or log_uniform or normal, where `samples` is given"
         raise BadInput(name, "a list of values", form)
     return SamplePoints(scattered, samples, sampling, seed)

@@ -124,7 +124,9 @@ class Plan(NamedTuple):
     def columns(self) -> Headings:
         """Columns of every design: its own variables, quantities, status and, last, `ok`."""
         variables = self.variables if self.sampled else {}
-        status = {STATUS: _status_heading()} if self.with_status else {}
+        status = {}
+        if self.with_status:
+            status = {STATUS: _status_heading()}
         return variables | self.quantities | status | {OK: _OK_HEADING}
 
 
@@ -194,9 +196,9 @@ class OnDisk(_Store):
         if not path.exists() or not any(path.iterdir()):
             _make(path, plan)
         header = stored_header(path)
-        differs = (
-            "no sweep" if header is None else first_difference(plan.fingerprint, header["same"])
-        )
+        differs = "no sweep"
+        if header is not None:
+            differs = first_difference(plan.fingerprint, header["same"])
         if differs:
             bound = "a new folder, or the store of this same sweep"
             raise BadInput("out", f"{path}, which holds {differs}", bound)
@@ -360,7 +362,9 @@ def first_difference(header: dict[str, Any], stored: dict[str, Any]) -> str:
 
 
 def _listed(value: object) -> str:
-    return ", ".join(value) if isinstance(value, list) else str(value)
+    if isinstance(value, list):
+        return ", ".join(value)
+    return str(value)
 
 
 def _digest(tree) -> str:

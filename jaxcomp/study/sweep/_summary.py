@@ -99,4 +99,6 @@ def columns(dataset: "xarray.Dataset") -> dict[str, np.ndarray]:
         values = dataset[name].broadcast_like(dataset["ok"]).transpose(*dataset["ok"].dims)
         table[with_unit(name, dataset[name].attrs.get("units", ""))] = values.values.ravel()
     ended = status_words(dataset)
-    return table if ended is None else table | {STATUS: ended.ravel()}
+    if ended is None:
+        return table
+    return table | {STATUS: ended.ravel()}

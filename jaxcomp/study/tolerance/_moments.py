@@ -85,8 +85,8 @@ def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
         curvature: "differences" of slopes half a deviation to both sides, "exact" by products of
             the Hessian with unit vectors (which compiles five times as long), or `None`.
     """
-    names = [variable.name for variable in problem.variables]
-    if curvature == "exact" and any(is_fraction(problem.design, name) for name in names):
+    fractions = any(is_fraction(problem.design, name) for name in problem.variable_names)
+    if curvature == "exact" and fractions:
         bound = '"differences" with a composition, whose dew and bubble lines are of first order'
         raise BadInput("curvature", '"exact"', bound)
     if curvature != "differences":
@@ -266,7 +266,9 @@ def solved_rows(
     """[SI] (rows, quantities) and whether they could be solved, in blocks as a sweep solves them."""
     rows = np.asarray(rows)
     devices = jax.local_devices()
-    width = default_width(problem, devices) if problem.options.known is None else _WIDE
+    width = _WIDE
+    if problem.options.known is None:
+        width = default_width(problem, devices)
     size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
     # the first one is small, so that a forecast of the rest comes early
     edges = sorted({0, *range(min(width, size), len(rows), size), len(rows)})

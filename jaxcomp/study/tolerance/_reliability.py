@@ -53,7 +53,9 @@ class Limit(NamedTuple):
 
     def broken(self, values):
         """Where values [SI] break it."""
-        return values > self.bound if self.above else values < self.bound
+        if self.above:
+            return values > self.bound
+        return values < self.bound
 
     @property
     def side(self) -> str:
@@ -152,7 +154,9 @@ class _LimitState:
             vectors = np.linalg.eigh(bent)[1][:, ::-1]
             for direction in vectors.T[:2]:
                 starts += [_FAR * direction, -_FAR * direction]
-        return np.stack(starts) if starts else np.ones((1, self.size))
+        if starts:
+            return np.stack(starts)
+        return np.ones((1, self.size))
 
     def nearest_points(self) -> np.ndarray:
         """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
@@ -210,7 +214,9 @@ class _LimitState:
         rng = np.random.default_rng(seed)
         centres = rng.integers(len(points), size=count)
         u = points[centres] + rng.standard_normal((count, self.size))
-        title = f"Machines near the limit of {self.limit.quantity}" if self.progress else None
+        title = None
+        if self.progress:
+            title = f"Machines near the limit of {self.limit.quantity}"
         values, ok = solved_rows(self.problem, self.machines(u), title)
         # phi(u) over the mixture of bells about the points
         away = [-0.5 * np.sum((u - p) ** 2, 1) for p in points]

@@ -183,7 +183,9 @@ def permitted(
 
     if excess(_LOW) > 0:
         return Permitted(variables=names, factor=float("nan"), rejects=before, before=before)
-    factor = _HIGH if excess(_HIGH) <= 0 else float(brentq(excess, _LOW, _HIGH, xtol=1e-4))
+    factor = _HIGH
+    if excess(_HIGH) > 0:
+        factor = float(brentq(excess, _LOW, _HIGH, xtol=1e-4))
     values, ok = solved_rows(found.problem, mean + factor * scaled + fixed)
     return Permitted(
         variables=names, factor=factor, rejects=_share_of_rejects(found, values[ok]), before=before

@@ -122,7 +122,7 @@ class Tolerances(Result):
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables."""
-        return tuple(variable.name for variable in self.problem.variables)
+        return self.problem.variable_names
 
     def ranking(self, quantity: str) -> list[tuple[str, float]]:
         """Variables and their shares of the variance [-], the largest first.
