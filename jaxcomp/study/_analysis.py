@@ -240,6 +240,7 @@ def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
         design: a machine with a rotor and correction planes.
         options: of the analysis whose vibration is balanced.
     """
+    # Least squares finds the whole correction, so that none may be in place.
     uncorrected = eqx.tree_at(
         lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
     )

@@ -309,6 +309,8 @@ def _figures(machine: Any, orbit: Orbit) -> dict[str, tuple[str, float]]:
         if not entry.dims and not entry.name.endswith("residual"):
             single[entry.name] = entry.unit, float(entry.values)
     first = {name: value for name, value in values.items() if name in HEADLINES}
+    # A merged dictionary keeps the first place of a name and its last value: headlines come first, and
+    # what the registry knows as well has the registry's value.
     return first | single | values
 
 

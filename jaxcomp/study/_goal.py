@@ -184,6 +184,7 @@ def goal_of(
     rangeless = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
     complete = Problem(problem.design, rangeless, tuple(quantities), problem.options)
+    # Refuses what the machine does not have before anything is compiled.
     eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(rangeless),), float))
 
     return Goal(

@@ -170,6 +170,7 @@ class Problem(eqx.Module):
         values = jnp.stack([jnp.asarray(value, float) for value in out])
         ok = result.ok & inside & jnp.all(jnp.isfinite(values))
         status = Status.where(inside, result.status, Status.bad_input)
+        # Solvers that converged, with a quantity that is not finite: no status has a name for it.
         unnamed = ~ok & (status == Status.converged)
         code = jnp.where(unnamed, UNNAMED, status._value)
         events = jnp.where(inside, result.events_without_room, -1)
@@ -333,6 +334,7 @@ def solved(problem: Problem, points: Float[Array, "n variables"], batch: int = 8
     rows = np.asarray(points)
     climb = climb_of(problem, len(rows), by_march=False)
     columns = []
+    # All designs in the first size, and in each larger one those that had no room before.
     for size, subset in climb:
         *answers, events = _in_batches(in_size(problem, size), rows[subset], batch)
         climb.note(subset, events)
@@ -409,6 +411,7 @@ def prepared(problem: Problem) -> Problem:
     names = [*problem.variable_names]
     for quantity in problem.quantities:
         names += getattr(quantity, "changes", ())
+    # A rotor that a variable changes has to be solved for every design.
     if not all(name.startswith(loads) for name in names):
         return problem
     unit_response = known_response(problem.design, problem.options)

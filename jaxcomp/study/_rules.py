@@ -221,6 +221,7 @@ def with_swept_volume(machine: _Machine, volume: Float[Array, ""]) -> _Machine:
         changes: dict[str, Any] = {}
         for name, field in quantities(part):
             value = getattr(part, name)
+            # The gap of the leakage does not follow the size, see above.
             if value is not None and f"{path}{name}" != "gas.leakage.gap":
                 changes[name] = value * scale ** _LENGTHS.get(field.metadata["unit"], 0)
         for field in dataclasses.fields(part):

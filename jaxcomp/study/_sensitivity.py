@@ -281,5 +281,6 @@ def _solved(
         out = jnp.stack([jnp.asarray(value_of(quantity, result), float) for quantity in requested])
         return out, (out, result.ok & jnp.all(jnp.isfinite(out)))
 
+    # Few quantities of very many numbers: one pass backwards for each quantity.
     slope, (value, ok) = jax.jacrev(values, has_aux=True)(moving)
     return value, ok, slope

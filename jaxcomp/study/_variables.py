@@ -141,6 +141,7 @@ def _with_part(design: Machine, place: Sequence[str], part: Part) -> Machine:
     """The design with another part of the same type, whose static fields may differ."""
     *above, name = place
     owner = walk(design, above)
+    # Built anew, because `tree_at` would keep the static fields of the part that was there.
     owner = rebuilt(owner, **{name: part})
     if above:
         return _with_part(design, above, owner)

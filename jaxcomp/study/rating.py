@@ -251,6 +251,7 @@ def rating_map(
     S = jnp.asarray(evaporating, float)
     D = jnp.asarray(condensing, float)
     compressor = at_rating(machine, S[0], D[0], rating, reference)
+    # The closest and the widest pair: what is out of order or out of range is so at one of them.
     for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
         at_rating(compressor, *ends, rating, reference)
     shape = S.size, D.size

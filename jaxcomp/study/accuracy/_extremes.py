@@ -211,6 +211,7 @@ def with_slip(compressor: Compressor, slip: float) -> Compressor | None:
         return None
     speed = orbit.mean_speed
     torque = orbit.energy.motor_work / (2 * jnp.pi)
+    # A line through mean torque and mean speed, whose idling speed lies above by the slip.
     motor = SlipLine(float(torque / (slip * speed)), float(speed * (1 + slip)))
     return replaced(compressor, motor=motor)
 

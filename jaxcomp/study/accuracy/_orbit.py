@@ -100,6 +100,7 @@ def orbit_study(question: Question, thorough: bool) -> Study:
         for nodes in counts:
             solver = Collocation(nodes=nodes, reversals=question.load_reversals * located)
             program = SolverProgram(question, solver)
+            # The tolerance is an array of the program, which serves all of them.
             for tolerance in _TOLERANCES:
                 label = f"nodes={nodes} tolerance={tolerance:g}"
                 settings.append(program.setting(method, label, tolerance, nodes))

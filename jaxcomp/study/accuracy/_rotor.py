@@ -304,6 +304,7 @@ def _direct(model, loads, speed: float, refined: bool):
     """[m], [rad] (nodes, dof) displacement at one speed by the full matrices."""
     force = np.asarray(load_vector(model, loads, 1, jnp.asarray(speed)))
     m, c, g, k, expand = (np.asarray(a) for a in matrices(model, speed))
+    # Dynamic stiffness at order 1, where the excitation turns with the shaft.
     z = k - speed**2 * m + 1j * speed * (c + speed * g)
     f = expand.T @ force.reshape(-1)
     x = np.linalg.solve(z, f)

@@ -413,6 +413,7 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     if not isinstance(result, Solved):
         solved = Solved(result)
     seconds = median_time(call.run) if call.seconds is None else call.seconds
+    # Where no program tells what it took to compile, the first call tells by how much it was longer.
     program = call.program
     row = row._replace(
         error=math.inf if solved.why else reference.error(solved.value),

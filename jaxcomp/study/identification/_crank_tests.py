@@ -183,6 +183,7 @@ class Trace(AbstractMeasurement):
             orbit = solve_rated(compressor, Collocation(reversals=0, estimate=False), self.solver)
         else:
             orbit = solve_orbit(compressor, self.solver, throw=False)
+        # The zero of the sensor lies at this angle of the crank.
         at = angles - constants["top_dead_centre"]
         cycle = cast(Any, orbit.cycle)
         out = []

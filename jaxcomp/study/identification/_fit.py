@@ -212,6 +212,7 @@ class Fit:
             end = centre + sign * np.sqrt(rise) * error
             end = max(end, bound) if sign < 0 else min(end, bound)
             over = -1.0
+            # Outwards until the end is bracketed, or is a bound.
             for _ in range(6):
                 over = excess(end)
                 if over >= 0 or end == bound:

@@ -92,6 +92,7 @@ class ReadingModel:
             rows = (entries.point == number) & (self.block == n)
             columns = entries.column[rows]
             value[rows] = values[columns]
+            # Constants of other measurements do not move these readings.
             slope[rows] = 0.0
             slope[rows, : len(self.variables)] = slopes[columns, : len(self.variables)]
             slope[rows, self.nuisance_columns[n]] = slopes[columns, len(self.variables) :]

@@ -260,7 +260,10 @@ class Readings(AbstractMeasurement):
                 room = 3 * self.deviation(name, {})
             for n in np.flatnonzero(measured - room > largest):
                 if not sized:
-                    bound = f"at most {largest[n]:.4g}: more than the piston displaces of the gas that comes"
+                    bound = (
+                        f"at most {largest[n]:.4g}: more than the piston displaces of the gas "
+                        "that comes"
+                    )
                     raise BadInput(self._place(n, name), measured[n], bound)
         flow = self.measured.get("mass_flow", none)
         flow = np.where(np.isfinite(flow), flow, self.measured.get("capacity", none) / worth)

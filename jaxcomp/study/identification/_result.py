@@ -227,6 +227,7 @@ class Identification(Result, eqx.Module):
         for parameter, n in zip(model.nuisances, places, strict=True):
             nuisances.append(parameter.start if n is None else float(self.estimate[n]))
         value, slope = model(np.concatenate([at, nuisances]), range(model.count))
+        # Constants of other measurements do not move these readings.
         full_slope = np.zeros((value.size, len(self.parameters)))
         full_slope[:, :count] = slope[:, :count]
         for n, column in zip(places, slope[:, count:].T, strict=True):

@@ -90,6 +90,7 @@ class ModalTest(AbstractMeasurement):
         """Numbers of the elastic modes, one of each pair."""
         model = self._rotor(machine)
         frequency = np.asarray(undamped_modes(model, self._count(model), free=self.free).frequency)
+        # Rigid motions of a rotor that hangs free have frequencies of rounding size.
         elastic = np.flatnonzero(frequency > 1e-3 * frequency.max())
         apart = np.diff(frequency[elastic]) > _PAIR * frequency[elastic][1:]
         return elastic[np.append(True, apart)]

@@ -99,6 +99,7 @@ def _vertex(x, y, row) -> float:
         return x[row]
     left_step, right_step = np.diff(x[neighbours])
     fall, rise = np.diff(y[neighbours]) / (left_step, right_step)
+    # Three points on a line have no vertex; what is not a number ends here as well.
     if not rise > fall:
         return x[row]
     curve = (rise - fall) / (left_step + right_step)

@@ -203,6 +203,7 @@ def solved_blocks(
     waiting = deque()
     for number, rows in blocks:
         waiting.append((number, rows, start(rows)))
+        # The oldest block is handed out while the devices work on those behind it.
         if len(waiting) > _AHEAD:
             number, rows, wait = waiting.popleft()
             yield number, rows, *wait()
@@ -264,6 +265,7 @@ def _solved_by_worker(name: str, pickled: bytes, versions, rows):
         raise BadInput(
             "client", f"one with a worker of jaxcomp {worker}", f"of workers with {caller}"
         )
+    # Or every thread of a worker would compile the program for itself.
     with _COMPILING:
         if name not in _PROGRAMS:
             _PROGRAMS.clear()

@@ -330,6 +330,7 @@ def neighbours_together(rows: Rows, width: int) -> Int[np.ndarray, " designs"]:
         if len(group) <= width:
             return [group]
         widest = np.argmax(np.ptp(rows[group], axis=0))
+        # Stable: designs that are alike stay in the order in which they came.
         group = group[np.argsort(rows[group, widest], kind="stable")]
         # whole groups on the left
         middle = -(-len(group) // (2 * width)) * width

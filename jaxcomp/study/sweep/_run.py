@@ -141,6 +141,7 @@ def sweep(
     total = int(np.prod(layout.shape))
     solved = total - sum(int(np.prod(extent(layout.place(number)))) for number in unsolved)
     blocks = ((number, points.rows(layout.place(number))) for number in unsolved)
+    # The fingerprint is that of the problem as it was given; solving may prepare its rotor.
     with progress_of("Sweeping", total, solved, "designs", progress) as shown:
         for block in solved_blocks(prepared(problem), width, local, client, blocks):
             store.write(*block)

@@ -311,6 +311,7 @@ def stored_header(path: Path) -> dict[str, Any] | None:
     try:
         attributes = json.loads((path / "zarr.json").read_text())["attributes"]
         header = json.loads(attributes[_HEADER])
+    # Whatever else the folder holds, it holds no sweep.
     except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
         return None
     complete = isinstance(header, dict) and all(

@@ -99,6 +99,7 @@ def local(problem: Problem, point, deviation, curvature: Curvature) -> Local:
         return Local(
             value=solutions.values[0], slope=solutions.slope[0], curvature=bent, ok=bool(ok)
         )
+    # One program for all: the design, then each variable half a deviation to either side.
     step = _STEP * jnp.diag(deviation)
     solutions = solved(problem, jnp.concatenate([point[None], point + step, point - step]))
     ahead, behind = jnp.split(solutions.slope[1:], 2)
@@ -240,6 +241,7 @@ def sampled(
     for machines, fine in zip(np.array_split(values, SETS), np.array_split(ok, SETS), strict=True):
         if fine.any():
             of_sets.append((machines[fine].mean(0), machines[fine].std(0)))
+    # The sets are independent: their scatter over the root of their number is the standard error.
     statistics = np.array(of_sets)
     errors = np.full_like(statistics[0], np.nan)
     if len(statistics) > 1:

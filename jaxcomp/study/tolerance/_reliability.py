@@ -124,6 +124,7 @@ class _LimitState:
             solutions = solved(self.problem, self.machines(u))
             beyond = sign * (solutions.values[:, self.place] - self.limit.bound)
             by_value = solutions.slope[:, self.place]
+            # Chain rule: slopes over the numbers of the machine, times those of the numbers over u.
             by_u = self.slope_of_machines(u)
             slope = np.einsum("nv,nvu->nu", by_value, by_u)
             beyond = np.where(solutions.ok, beyond, np.nan).tolist()
@@ -161,6 +162,7 @@ class _LimitState:
     def nearest_points(self) -> np.ndarray:
         """(points, n) all points of the limit that are nearest in their surroundings, sorted."""
         starts = self.starts()
+        # Makes the tolerance of the search a number without unit.
         scale = np.nanmax(np.abs(self(starts)[0]))
         ends = []
         if not (np.isfinite(scale) and scale > 0):
@@ -260,6 +262,7 @@ def reliability(
             design=undefined,
             importance=undefined,
         )
+    # Where the mean machine breaks the limit, what is safe is the tail of the distribution.
     failed = state(np.zeros(len(nominal)))[0][0] > 0
     distance = np.linalg.norm(points, axis=1)
     if failed:

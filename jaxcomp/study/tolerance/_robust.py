@@ -181,6 +181,7 @@ def permitted(
         values = series(factor * scaled + fixed) + min(factor, 1.0) * missed
         return _share_of_rejects(found, values[good]) - rejects
 
+    # With tolerances a thousandth as wide the mean machine alone decides.
     if excess(_LOW) > 0:
         return Permitted(variables=names, factor=float("nan"), rejects=before, before=before)
     factor = _HIGH

@@ -198,6 +198,7 @@ def scatter_of(
     _check_kinds(tolerances)
     names = list(tolerances)
     correlation = np.eye(len(names))
+    # Correlations of the normal variables behind the deviations, which are not those of the deviations.
     latent = np.eye(len(names))
     for pair, value in (correlations or {}).items():
         label = f"correlations.{' and '.join(pair)}"
@@ -249,6 +250,7 @@ def _normal_correlation(a: Within, b: Within, correlation: float, label: str) ->
         second = standard(b, rho * x[:, None] + np.sqrt(1 - rho**2) * x[None, :])
         return w @ (first * second) @ w - correlation
 
+    # Two different distributions cannot be correlated up to one.
     low = miss(-_NEAR_ONE) + correlation
     high = miss(_NEAR_ONE) + correlation
     if not low < correlation < high:

@@ -287,6 +287,7 @@ def _one_at_a_time(problem: Problem, scatter: Scatter, nominal):
     n = len(nominal)
     ends = np.asarray(scatter.limits(nominal))
     points = np.tile(np.asarray(scatter.mean(nominal)), (2, n, 1))
+    # Row i of either half has variable i at a limit and all others at their means.
     points[:, np.arange(n), np.arange(n)] = ends
     values, _ = solved_rows(problem, np.concatenate([nominal[None], points.reshape(-1, n)]))
     return values[0], values[1:].reshape(2, n, -1)
