@@ -233,7 +233,7 @@ def sensitivity(
     >>> for influence in slopes.ranking("swept_volume"):
     ...     print(influence.part, influence.value, influence.change)
     bore 130 mm +2 % per %
-    crank radius 50 mm +1 % per %
+    crank radius 49.988 mm +1 % per %
     """
     listed_names("quantities", quantities)
     design = machine_of(scene)

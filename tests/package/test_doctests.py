@@ -19,6 +19,8 @@ SLOW = {
     "simulate": "jaxcomp.crank._transient",
     "optimise": "jaxcomp.study._optimise",
     "sweep": "jaxcomp.study.sweep._run",
+    "sensitivity": "jaxcomp.study._sensitivity",
+    "steady_state": "jaxcomp.study._steady_state",
 }
 
 
