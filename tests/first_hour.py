@@ -581,7 +581,7 @@ COMMANDS = {
     ),
     "results into a file": _cli(f"run {WBHE} --out empty.toml", "empty.toml", "folder"),
     "results over a file of one's own": _cli(
-        f"run {WBHE} --out mine", "scene.toml", "another folder", "--force"
+        f"run {WBHE} --out mine", "machine.toml", "another folder", "--force"
     ),
     "schema over a file": _cli("schema empty.toml", "empty.toml", "--force"),
     "film by its author": _cli(
@@ -1074,7 +1074,7 @@ def prepare(folder: Path) -> None:
     (folder / "empty.toml").touch()
     (folder / "picture.png").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)))
     (folder / "mine").mkdir()
-    (folder / "mine" / "scene.toml").write_text("mine")
+    (folder / "mine" / "machine.toml").write_text("mine")
     for kind in ("idf", "json", "uff"):
         os.mkfifo(folder / f"pipe.{kind}")
     with zipfile.ZipFile(folder / "large.npz", "w", zipfile.ZIP_DEFLATED) as archive:

@@ -281,7 +281,7 @@ def folder(out: Path | None) -> Path | None:
 Out = Annotated[
     Path | None,
     typer.Option(
-        help="Folder for report.html, pictures, result.json and scene.toml as it was run.",
+        help="Folder for report.html, pictures, result.json and machine.toml as it was run.",
         callback=folder,
     ),
 ]

@@ -45,7 +45,7 @@ class Output:
     out: Out = None
     force: Force = False
     # Files that are looked for before the work; others when they are written, after the tables.
-    names_ahead: ClassVar[tuple[str, ...]] = (*FIXED_NAMES, "scene.toml")
+    names_ahead: ClassVar[tuple[str, ...]] = (*FIXED_NAMES, "machine.toml")
 
     def __post_init__(self) -> None:
         """Refuse a folder with files of the user before anything is solved."""
@@ -223,7 +223,7 @@ def result_files(
 
         contents["results.xlsx"] = workbook(_with_units(result, units), curves or {})
     if scene is not None:
-        contents["scene.toml"] = dump(scene).encode()
+        contents["machine.toml"] = dump(scene).encode()
     # moving pictures have no hover and no zoom
     images = [name for name, figure in figures.items() if not isinstance(figure, bytes)]
     if images and find_spec("plotly"):

@@ -141,11 +141,11 @@ def test_out_writes_pictures_result_and_scene(tmp_path):
     assert {f.stem for f in folder.glob("*.png")} == names
     written = read_json((folder / "result.json").read_text())
     # the scene as it was run gives the same result again
-    again = invoke("run", str(folder / "scene.toml"), "--json")
+    again = invoke("run", str(folder / "machine.toml"), "--json")
     found = read_json(again.stdout)
     assert found["mechanical_efficiency"] == pytest.approx(written["mechanical_efficiency"], 1e-14)
     assert (
-        load(folder / "scene.toml").sources["mechanism.bore"]
+        load(folder / "machine.toml").sources["mechanism.bore"]
         == "design rule, bore_at_displacement = 120mm"
     )
 

@@ -63,7 +63,7 @@ def test_curves_of_machines_with_valves(tmp_path, count):
     twin = ("crankshaft.layout=in-line-2", "crankshaft.throw_pitch=40 mm")[: 2 * (count - 1)]
     words = [word for one in twin for word in ("--set", one)]
     table = curves(tmp_path, "r290-6cc", "--step", "0.25", *words)
-    compressor = load(tmp_path / "scene.toml").compressor
+    compressor = load(tmp_path / "machine.toml").compressor
     assert compressor.crankshaft.count == count
     cycle = solve_orbit(compressor).cycle
     first = getattr(cycle, "first", cycle)

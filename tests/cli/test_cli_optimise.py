@@ -64,10 +64,10 @@ def test_files_and_the_scene_as_optimised(optimum):
         "convergence.png",
         "result.json",
         "report.html",
-        "scene.toml",
+        "machine.toml",
     ):
         assert (out / name).stat().st_size > 500
-    scene = load(out / "scene.toml")
+    scene = load(out / "machine.toml")
     assert float(scene.compressor.mechanism.bore) == result["variables"][0]["value"]
     # at fixed displacement, at the speed that was set
     swept = load("mayekawa-wbhe").compressor.mechanism.swept_volume
@@ -134,7 +134,7 @@ def test_no_design_that_keeps_its_limits_is_an_optimum(tmp_path):
     (limit,) = result["constraints"]
     assert limit["excess"] == pytest.approx(low - 500e-6, rel=1e-9)
     assert result["variables"][0]["value"] == pytest.approx(0.1, rel=1e-9)
-    source = load(tmp_path / "scene.toml").sources["mechanism.bore"]
+    source = load(tmp_path / "machine.toml").sources["mechanism.bore"]
     assert "nearest to the limits" in source
     assert excess in source
 

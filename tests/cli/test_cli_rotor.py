@@ -351,7 +351,7 @@ def test_respond_prints_what_the_library_finds(file, tmp_path):
     assert {f.stem for f in folder.glob("*.png")} == {"rotor", "shape", "orbits", "curves"}
     assert all(f.stat().st_size > 8000 for f in folder.glob("*.png"))
     assert read_json((folder / "result.json").read_text()) == found
-    assert close(load(folder / "scene.toml").parts["rotor"], model)
+    assert close(load(folder / "machine.toml").parts["rotor"], model)
     table = invoke(*arguments)
     assert table.exit_code == 0
     for text in (

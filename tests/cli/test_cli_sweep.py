@@ -73,7 +73,7 @@ def test_folder_has_store_pictures_scene_and_result(best_bores, folder):
 
     for name in ("map", "curves", "optimum"):
         assert (folder / f"{name}-mechanical_efficiency.png").stat().st_size > 10_000
-    assert (folder / "scene.toml").exists()
+    assert (folder / "machine.toml").exists()
     assert "0 of 27" in (folder / "report.html").read_text("utf-8")
     assert read_json((folder / "result.json").read_text()) == best_bores
     stored = open_sweep(folder / "sweep.zarr").mechanical_efficiency

@@ -58,7 +58,7 @@ def test_folder_has_pictures_scene_and_result(answer):
     for name in ("histogram-swept_volume", "tornado-swept_volume"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
     assert read_json((folder / "result.json").read_text()) == found
-    assert (folder / "scene.toml").exists()
+    assert (folder / "machine.toml").exists()
 
 
 def test_tables_and_files(tmp_path):

@@ -46,7 +46,7 @@ def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
     assert result["converged"]
     assert not variable["at_bound"]
     assert all(abs(mode["error"]) < 1e-7 for mode in result["modes"])
-    fitted = load(out / "scene.toml").parts["rotor"].shafts[3].young_modulus
+    fitted = load(out / "machine.toml").parts["rotor"].shafts[3].young_modulus
     before = load("hermetic-68cc").parts["rotor"].shafts[3].young_modulus
     np.testing.assert_allclose(fitted, variable["factor"] * before, rtol=1e-12)
     assert (out / "report.html").exists()

@@ -99,23 +99,23 @@ def test_a_folder_of_results_is_written_anew(tmp_path):
 
 def test_a_file_of_the_user_is_seen_before_anything_is_solved(tmp_path, monkeypatch):
     monkeypatch.setattr("jaxcomp.crank.solve_orbit", None)
-    scene = tmp_path / "scene.toml"
+    scene = tmp_path / "machine.toml"
     scene.write_text(start("slider-crank", "mine"))
     before = scene.read_text()
     refused = invoke("run", scene, "--out", tmp_path)
     assert refused.exit_code == 2
-    assert "has scene.toml, which no command wrote" in answer(refused)
+    assert "has machine.toml, which no command wrote" in answer(refused)
     assert "--force" in answer(refused)
     assert scene.read_text() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["scene.toml"]
+    assert [file.name for file in tmp_path.iterdir()] == ["machine.toml"]
 
 
 def test_a_file_that_the_command_does_not_write_is_no_hindrance(tmp_path):
-    for name in ("scene.toml", "runs.csv", "map.csv"):
+    for name in ("machine.toml", "runs.csv", "map.csv"):
         (tmp_path / name).write_text("mine")
     done = invoke(*COMMAND, "--out", tmp_path)
     assert done.exit_code == 0, done.output
-    for name in ("scene.toml", "runs.csv", "map.csv"):
+    for name in ("machine.toml", "runs.csv", "map.csv"):
         assert (tmp_path / name).read_text() == "mine"
 
 

@@ -163,7 +163,7 @@ def test_the_command_identifies_and_predicts(machine, truth, table, tmp_path):
     assert values[PIN] == pytest.approx(truth[PIN], rel=1e-2)
     assert result["predicted"]["quantity"] == ["motor_power"]
     assert 0 < result["predicted"]["model_sd"][0] < 0.02 * result["predicted"]["value"][0]
-    again = load(out / "scene.toml")
+    again = load(out / "machine.toml")
     assert again.sources[WALL].startswith("identified from losses.csv, ")
     texts, _ = read_tolerance_file(out / "tolerances.toml")
     assert set(tolerances_of(again.machine, texts)) == {WALL, PIN}

@@ -124,7 +124,7 @@ def test_the_command_writes_what_it_prints(tmp_path):
     result = read_json((tmp_path / "result.json").read_text())
     first = result["quantities"][0]["numbers"][0]
     assert (first["name"], first["elasticity"]) == ("mechanism.bore", pytest.approx(2.0))
-    names = {"report.html", "sensitivity-swept_volume.png", "sensitivity.csv", "scene.toml"}
+    names = {"report.html", "sensitivity-swept_volume.png", "sensitivity.csv", "machine.toml"}
     assert names <= {path.name for path in tmp_path.iterdir()}
     done = CliRunner().invoke(app, ["sensitivity", "mayekawa-wbhe", "--quantity", "powr"])
     assert done.exit_code == 2
