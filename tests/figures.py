@@ -141,6 +141,10 @@ def levecque() -> Iterator[Statement]:
     yield Statement(VALIDATION, line, (weight, second))
     line = "| corrections in two planes | 824.6 and 456.8 g mm | {} and {} g mm |"
     yield Statement(VALIDATION, line, (top, weight))
+    line = "| rotor, top | {} g mm | {}° |"
+    yield Statement("notebooks/vibration.md", line, (top, first))
+    line = "| counterweight | {} g mm | {}° |"
+    yield Statement("notebooks/vibration.md", line, (weight, second))
     line = "by the statics of the shaft: {} g mm at {}° and {} g mm at {}°"
     yield Statement(CHANGES, line, (top, first, weight, second))
     orbit = solve_orbit(load("hermetic-68cc"), Collocation(reversals=0))

@@ -307,7 +307,7 @@ def climb_of(problem: Problem, count: int, by_march: bool) -> Climb:
     assert compressor is not None
     by_march = by_march and not is_piped(compressor.gas)
     assert isinstance(compressor.gas, Cylinder)
-    options = options_of(compressor.gas, compressor.crankshaft.count, _solver_of(problem).cycle)
+    options = options_of(compressor.gas, compressor.crankshaft.count, solver_of(problem).cycle)
     return Climb(options.ladder(by_march), count)
 
 
@@ -315,11 +315,11 @@ def in_size(problem: Problem, size: CycleOptions | None) -> Problem:
     """The problem with its cycle solved in a size that `climb_of` gave."""
     if size is None:
         return problem
-    solver = dataclasses.replace(_solver_of(problem), cycle=size)
+    solver = dataclasses.replace(solver_of(problem), cycle=size)
     return eqx.tree_at(lambda p: p.options.solver, problem, solver, is_leaf=lambda x: x is None)
 
 
-def _solver_of(problem: Problem) -> Any:
+def solver_of(problem: Problem) -> Any:
     """The solver of the orbit that a problem with valves takes."""
     compressor = assembled(problem.design).compressor
     assert compressor is not None

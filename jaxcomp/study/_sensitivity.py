@@ -8,23 +8,36 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
 from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
 from .._core.results import Data, Result
+from ..crank import Collocation
 from ..crank.interface import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
 from ._analysis import DesignResult
 from ._labels import variable_label
 from ._options import AnalysisOptions, checked_options
-from ._problem import RequestedQuantity, name_of, unit_of, value_of
-from ._variables import given_numbers
+from ._problem import (
+    Problem,
+    RequestedQuantity,
+    climb_of,
+    in_size,
+    name_of,
+    solver_of,
+    unit_of,
+    value_of,
+)
+from ._variables import GivenNumber, given_numbers
 
 # [-] An elasticity below this is rounding.
 _ROUNDING = 1e-12
+# Nodes on every panel that a second solution has more, by which errors of derivatives are stated: with
+# them an error of a smooth course falls by some orders of magnitude, so that the difference is the error.
+_MORE_NODES = 4
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -41,6 +54,8 @@ class Sensitivity(Result):
         present: [SI] (numbers,) the numbers as the machine stands.
         derivative: [SI] (quantities, numbers)
         ok: whether all of it can be relied on.
+        derivative_error: [SI] (quantities, numbers) stated errors of the derivatives; `None` unless they
+            were asked for.
     """
 
     quantities: tuple[str, ...]
@@ -52,11 +67,12 @@ class Sensitivity(Result):
     present: Float[np.ndarray, " numbers"]
     derivative: Float[np.ndarray, "quantities numbers"]
     ok: bool
+    derivative_error: Float[np.ndarray, "quantities numbers"] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("number",)
     nested_units: ClassVar[str] = """
         quantities: value {beside}
-        quantities.numbers: value {beside}; elasticity; derivative {ratio}
+        quantities.numbers: value {beside}; elasticity; derivative {ratio}; error {ratio}
     """
 
     @property
@@ -86,12 +102,14 @@ class Sensitivity(Result):
             yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))
             per = f"{unit or '1'} per SI unit of the number"
             yield Data(f"derivative.{name}", per, self.derivative[place], ("number",))
+            if self.derivative_error is not None:
+                yield Data(f"error.{name}", per, self.derivative_error[place], ("number",))
 
     def nested(self) -> dict[str, Any]:
         """Every quantity with the numbers that it depends on, the largest influence first."""
 
         def number(influence):
-            return {
+            entry = {
                 "name": influence.number,
                 "words": influence.part,
                 "unit": influence.unit,
@@ -99,6 +117,9 @@ class Sensitivity(Result):
                 "elasticity": influence.elasticity if influence.relative else None,
                 "derivative": influence.derivative,
             }
+            if self.derivative_error is not None:
+                entry["error"] = influence.error
+            return entry
 
         rows = []
         for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
@@ -130,6 +151,10 @@ class Sensitivity(Result):
             strict=True,
         )
         influences = [Influence(*row, look) for row in rows]
+        if self.derivative_error is not None:
+            errors = self.derivative_error[place].tolist()
+            pairs = zip(influences, errors, strict=True)
+            influences = [influence._replace(error=error) for influence, error in pairs]
 
         def order(influence):
             if influence.relative:
@@ -160,6 +185,7 @@ class Influence(NamedTuple):
         elasticity: [-] NaN where there is none, see `Sensitivity.elasticity`.
         derivative: [SI] of the quantity over the number.
         quantity: how the quantity is shown.
+        error: [SI] stated error of the derivative; NaN where it was not asked for.
     """
 
     number: str
@@ -169,6 +195,7 @@ class Influence(NamedTuple):
     elasticity: float
     derivative: float
     quantity: Shown
+    error: float = np.nan
 
     @property
     def relative(self) -> bool:
@@ -194,6 +221,11 @@ class Influence(NamedTuple):
         return self.derivative / small_unit(self.unit)[1] * self.quantity.factor
 
     @property
+    def error_share(self) -> float:
+        """[-] Stated error of the derivative over it."""
+        return self.error / abs(self.derivative)
+
+    @property
     def change(self) -> str:
         """Change by a rise of the number by 1 %, or by one unit."""
         if self.relative:
@@ -213,6 +245,7 @@ def sensitivity(
     quantities: Sequence[RequestedQuantity] | None = None,
     *,
     options: AnalysisOptions | None = None,
+    verify: bool = False,
 ) -> Sensitivity:
     """Sensitivity of quantities to every number of a machine, by one reverse pass.
 
@@ -224,9 +257,12 @@ def sensitivity(
             absent.
         options: of the analysis of a design. Without a solver, load reversals are located also where only
             the forces on the rotor are wanted.
+        verify: whether errors of the derivatives are stated: by how much they differ from those of a
+            second solution, with more nodes on every panel.
 
     Raises:
-        BadInput: an unknown quantity, or one that the machine does not have.
+        BadInput: an unknown quantity, or one that the machine does not have; or `verify` of a machine
+            without a crank, or of a solver other than collocation.
 
     >>> from jaxcomp import load, sensitivity
     >>> slopes = sensitivity(load("mayekawa-wbhe"), ["swept_volume"])
@@ -246,41 +282,98 @@ def sensitivity(
         and not isinstance(compressor.gas, Cylinder)
     ):
         options = dataclasses.replace(options, solver=default_collocation(compressor))
-    value, ok, slope = _solved(design, requested, options)
+    solution, problem = _solved_in_size(Problem(design, (), requested, options))
     numbers = list(given_numbers(design))
-    slope = jax.device_get(slope)
+    derivative = _by_number(numbers, solution.slope)
+    derivative_error = None
+    if verify:
+        fine = _solved(_with_more_nodes(problem))
+        derivative_error = np.abs(derivative - _by_number(numbers, fine.slope))
+        if not fine.ok:
+            derivative_error = np.full_like(derivative, np.nan)
     labels = []
-    derivatives = []
     for number in numbers:
         suffix = ", all values" if number.factor else ""
         labels.append(variable_label(design, number.name) + suffix)
-        weight = number.weight
-        derivatives.append(np.tensordot(number.at(slope), weight, weight.ndim))
     return Sensitivity(
         quantities=tuple(map(name_of, requested)),
         quantity_units=tuple(map(unit_of, requested)),
-        value=np.asarray(value),
+        value=np.asarray(solution.value),
         numbers=tuple(number.name for number in numbers),
         parts=tuple(labels),
         units=tuple(number.unit for number in numbers),
         present=np.array([number.value for number in numbers]),
-        derivative=np.stack(derivatives, -1),
-        ok=bool(ok),
+        derivative=derivative,
+        ok=bool(solution.ok),
+        derivative_error=derivative_error,
     )
 
 
+def _by_number(
+    numbers: Sequence[GivenNumber], slope: Machine
+) -> Float[np.ndarray, "quantities numbers"]:
+    """Derivatives by the numbers of a machine, from those in the place of every leaf."""
+    slope = jax.device_get(slope)
+    columns = []
+    for number in numbers:
+        weight = number.weight
+        columns.append(np.tensordot(number.at(slope), weight, weight.ndim))
+    return np.stack(columns, -1)
+
+
+def _with_more_nodes(problem: Problem) -> Problem:
+    """A problem that is solved with more nodes on every panel.
+
+    Raises:
+        BadInput: a machine without a crank, or a solver other than collocation.
+    """
+    if problem.design.compressor is None:
+        raise BadInput(
+            "verify", True, "absent for a machine without a crank, whose slopes have no nodes"
+        )
+    solver = solver_of(problem)
+    if not isinstance(solver, Collocation):
+        raise BadInput("verify", f"given with {solver.name}", "given with collocation")
+    cycle = dataclasses.replace(solver.cycle, nodes=solver.cycle.panel_nodes + _MORE_NODES)
+    finer = dataclasses.replace(solver, nodes=solver.nodes + _MORE_NODES, cycle=cycle)
+    return eqx.tree_at(
+        lambda p: p.options.solver, problem, finer, is_leaf=lambda leaf: leaf is None
+    )
+
+
+class _Solution(NamedTuple):
+    """Values of a machine with their derivatives."""
+
+    value: Float[Array, " quantities"]  # [SI]
+    ok: Bool[Array, ""]  # whether all of it holds
+    slope: Machine  # derivatives of the values, in the place of every number
+    events: Int[Array, ""]  # see `DesignResult.events_without_room`
+
+
+def _solved_in_size(problem: Problem) -> tuple[_Solution, Problem]:
+    """A machine in the size of the cycle's program that has room for it, and the problem in that size."""
+    climb = climb_of(problem, 1, by_march=False)
+    reached = None
+    for size, row in climb:
+        problem = in_size(problem, size)
+        solution = _solved(problem)
+        climb.note(row, solution.events)
+        reached = solution, problem
+    assert reached is not None
+    return reached
+
+
 @eqx.filter_jit
-def _solved(
-    design: Machine, requested: tuple[RequestedQuantity, ...], options: AnalysisOptions
-) -> tuple[Float[np.ndarray, " quantities"], Bool[np.ndarray, ""], Machine]:
-    """Values [SI], whether they hold, and their derivatives in the place of every number."""
-    moving, fixed = eqx.partition(design, eqx.is_inexact_array)
+def _solved(problem: Problem) -> _Solution:
+    moving, fixed = eqx.partition(problem.design, eqx.is_inexact_array)
 
     def values(moving):
-        result = DesignResult(eqx.combine(moving, fixed), options)
-        out = jnp.stack([jnp.asarray(value_of(quantity, result), float) for quantity in requested])
-        return out, (out, result.ok & jnp.all(jnp.isfinite(out)))
+        result = DesignResult(eqx.combine(moving, fixed), problem.options)
+        each = [jnp.asarray(value_of(name, result), float) for name in problem.quantities]
+        out = jnp.stack(each)
+        ok = result.ok & jnp.all(jnp.isfinite(out))
+        return out, (out, ok, result.events_without_room)
 
     # Few quantities of very many numbers: one pass backwards for each quantity.
-    slope, (value, ok) = jax.jacrev(values, has_aux=True)(moving)
-    return value, ok, slope
+    slope, (value, ok, events) = jax.jacrev(values, has_aux=True)(moving)
+    return _Solution(value, ok, slope, events)

@@ -1,5 +1,6 @@
 """Sensitivities: every number of a machine, with the derivatives that single variables have."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,9 +8,21 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, load, loads, problem, sensitivity
+from jaxcomp import (
+    BadInput,
+    Collocation,
+    Shooting,
+    load,
+    loads,
+    problem,
+    sensitivity,
+    solve_orbit,
+)
 from jaxcomp.cli import app
 from jaxcomp.plot import sensitivity_bars
+from jaxcomp.machine import machine_of
+from jaxcomp.scene import with_value, with_values
+from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.interface import variable_label
 
 
@@ -129,3 +142,55 @@ def test_the_command_writes_what_it_prints(tmp_path):
     done = CliRunner().invoke(app, ["sensitivity", "mayekawa-wbhe", "--quantity", "powr"])
     assert done.exit_code == 2
     assert "quantity" in done.output
+
+
+def test_stated_errors_of_derivatives_hold():
+    scene = load("mayekawa-wbhe")
+    stated = sensitivity(scene, ["mechanical_efficiency"], verify=True)
+    options = AnalysisOptions(solver=Collocation(nodes=24, reversals=4))
+    tight = sensitivity(scene, ["mechanical_efficiency"], options=options)
+    deviation = np.abs(stated.derivative - tight.derivative)
+    # an error is stated within a factor of thirty; below a share of the value it is rounding
+    rounding = 1e-11 * np.abs(stated.derivative)
+    assert np.all(deviation <= 30 * stated.derivative_error + rounding)
+    # and it is an error, not a bound that is always true: of an elasticity below 1e-6
+    share = stated.derivative_error[0] * np.abs(stated.present) / stated.value[0]
+    assert 0 < np.max(share) < 1e-6
+    influence = stated.ranking("mechanical_efficiency")[0]
+    assert influence.error_share == pytest.approx(influence.error / abs(influence.derivative))
+    assert "error" in stated.nested()["quantities"][0]["numbers"][0]
+
+
+def test_errors_of_derivatives_are_refused_where_nothing_has_nodes():
+    scene = load("hermetic-68cc")
+    loads_of_films = {f"rotor.links.{n}.law.load": ["400 N", "40 N"] for n in (0, 1, 2)}
+    scene = with_values(scene, loads_of_films)
+    machine = machine_of(scene)
+    rotor_alone = eqx.tree_at(lambda m: m.compressor, machine, None)
+    with pytest.raises(BadInput, match="machine without a crank"):
+        sensitivity(rotor_alone, ["vibration"], verify=True)
+    options = AnalysisOptions(solver=Shooting())
+    with pytest.raises(BadInput, match="given with collocation"):
+        sensitivity(load("mayekawa-wbhe"), options=options, verify=True)
+
+
+# Compiles the derivative of a machine with valves twice, once more for its error.
+@pytest.mark.slow
+def test_a_machine_with_many_events_of_its_valves_has_derivatives():
+    scene = with_value(load("r290-6cc"), "motor.mean_speed", "1500 rpm")
+    slopes = sensitivity(scene, ["gas_power"], verify=True)
+    assert slopes.ok
+    place = slopes.numbers.index("mechanism.crank_radius")
+    step = 1e-4 * slopes.present[place]
+
+    def power(radius):
+        machine = eqx.tree_at(
+            lambda compressor: compressor.mechanism.crank_radius, scene.compressor, radius
+        )
+        return float(solve_orbit(machine).gas_power)
+
+    radius = slopes.present[place]
+    difference = (power(radius + step) - power(radius - step)) / (2 * step)
+    # by default options; differences of values known to 1e-8 with steps of 1e-4
+    assert slopes.derivative[0, place] == pytest.approx(difference, rel=1e-3)
+    assert slopes.derivative_error[0, place] < 1e-3 * abs(difference)
