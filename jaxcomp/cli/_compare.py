@@ -88,6 +88,7 @@ def sensitivity(
     excitation: opt.ExcitationOption = None,
     analysis: opt.FastAnalysis,
     rows: Annotated[int, typer.Option(min=1)] = 20,
+    verify: Annotated[bool, typer.Option("--verify")] = False,
     output: Output,
 ) -> None:
     """Show by how many per cent quantities change when each number of the machine rises by 1 %.
@@ -101,12 +102,13 @@ def sensitivity(
         quantity (NAME): Quantity, e.g. motor_power or loss_power.crank_pin; efficiency, or vibration of
             a rotor, if absent. Repeatable.
         rows: Rows of each table; JSON and CSV have every number.
+        verify: State the error of every change, by a second solution with more nodes on every panel.
     """
     scene = case.scene(once=True)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
         options = analysis.options(scene, excitation)
-        sensitivities = jc.study.sensitivity(scene, names, options=options)
+        sensitivities = jc.study.sensitivity(scene, names, options=options, verify=verify)
     if not sensitivities.ok:
         raise CommandError(
             f"{case.machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
@@ -126,18 +128,24 @@ def sensitivity_tables(sensitivities: jc.study.Sensitivity, rows: int) -> Iterat
     rows_of = zip(
         sensitivities.quantities, sensitivities.quantity_units, sensitivities.value, strict=True
     )
+    headings = ("Number", "Value", "Change")
+    if sensitivities.derivative_error is not None:
+        headings = (*headings, "Error of it")
     for name, unit, value in rows_of:
         look = shown(name, unit, value)
         ranked = sensitivities.ranking(name)
         table_rows = []
         for relative in (True, False):
             entries = [entry for entry in ranked if entry.relative is relative]
-            table_rows += [(entry.part, entry.value, entry.change) for entry in entries[:rows]]
+            for entry in entries[:rows]:
+                cells = (entry.part, entry.value, entry.change, f"{entry.error_share:.0e}")
+                table_rows.append(cells[: len(headings)])
             if len(entries) > rows:
-                table_rows.append((f"and {len(entries) - rows} more with less", "", ""))
+                blanks = ("",) * (len(headings) - 1)
+                table_rows.append((f"and {len(entries) - rows} more with less", *blanks))
             table_rows.append(())
         title = f"{look.words} {look.text(float(value))}: its change with every number"
-        table = row_table(title, ("Number", "Value", "Change"), table_rows)
+        table = row_table(title, headings, table_rows)
         idle = len(sensitivities.numbers) - len(ranked)
         if idle:
             subject = "number of the machine has" if idle == 1 else "numbers of the machine have"

@@ -101,8 +101,8 @@ def identify(
     Measurements are points of a map, readings over the crank angle, tables of any quantities, modal tests
     and vibration, of one kind or several. Prints the constants with their standard errors, what cannot
     be told apart, measured against computed, and what is not to be trusted. --out also takes the
-    identified machine, as machine.toml, its covariance in identified.json, and tolerances.toml, with which
-    `tolerance` draws such machines.
+    identified machine, as machine.toml, its covariance in identified.json, and tolerances.toml, with
+    which `tolerance` draws such machines.
 
     Without --vary the machine is taken for one of the same kind that is known by its map alone: a similar
     one of the size that the flow wants, of which size, clearance, flow areas, leakage, heating and losses

@@ -19,8 +19,8 @@ from jaxcomp import (
     solve_orbit,
 )
 from jaxcomp.cli import app
-from jaxcomp.plot import sensitivity_bars
 from jaxcomp.machine import machine_of
+from jaxcomp.plot import sensitivity_bars
 from jaxcomp.scene import with_value, with_values
 from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.interface import variable_label
