@@ -308,18 +308,18 @@ def _check_stages(cylinder: Cylinder) -> None:
 
 def _check_pressures_between(cylinder: Cylinder) -> None:
     """That pressures between stages lie between those of the lines, as far as numbers are known."""
-    known = known_values(cylinder).by_dew_points()
-    low = known.suction.state(known.fluid)
-    high = known.discharge.states(known.fluid, low)[0].p
+    plain_values = known_values(cylinder).by_dew_points()
+    low = plain_values.suction.state(plain_values.fluid)
+    high = plain_values.discharge.states(plain_values.fluid, low)[0].p
     low = low.p
     if is_traced(low) or is_traced(high) or not bool(high > low):
         return  # a discharge pressure below that of suction has a bound of its own
-    for number, stage in enumerate(known.later_stages):
+    for number, stage in enumerate(plain_values.later_stages):
         drop = stage.cooler.pressure_drop
         if not is_traced(drop) and bool(drop >= high - low):
             where = f"later_stages.{number}.cooler.pressure_drop"
             raise BadInput(where, drop, f"< {high - low:.5g} Pa, all that the stages raise")
-    between = known.interstage_pressure
+    between = plain_values.interstage_pressure
     if between is None or is_traced(between):
         return
     rises = jnp.diff(jnp.concatenate([low[None], between, high[None]]))

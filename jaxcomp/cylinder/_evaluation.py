@@ -52,9 +52,9 @@ def cycle_of(system: Cylinders, solution, marching: bool) -> Cycle:
     return cycle if pulsation is None else _with_pulsation(cycle, pulsation)
 
 
-def cycles_of(system: Cylinders, found, marching: bool) -> SeveralCycles:
+def cycles_of(system: Cylinders, solution, marching: bool) -> SeveralCycles:
     """The cycle of every cylinder, by its own crank angle."""
-    together, points = _followed(system, found, marching)
+    together, points = _followed(system, solution, marching)
 
     def cycle_of_cylinder(
         case, phase, number, totals, points, starts, accounts, pressure, *flanges

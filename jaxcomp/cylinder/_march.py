@@ -64,7 +64,7 @@ class Record(NamedTuple):
 class AbstractLaw(eqx.Module):
     """Law of a march: its rates, events and jumps."""
 
-    kept: eqx.AbstractVar[int]  # how many states the record keeps
+    state_size: eqx.AbstractVar[int]  # how many states the record keeps
 
     @abstractmethod
     def rates(self, angle, state, flags) -> tuple[Array, Array, Array]:
@@ -224,7 +224,7 @@ def _beginning(route: _Route, start, state, flags) -> _Carry:
     unknown = jnp.ones(events.shape)
     none = jnp.zeros((), int)
     # one row more than are kept takes what is thrown away
-    record = empty_record(route.capacity + 1, law.kept, flags.size)
+    record = empty_record(route.capacity + 1, law.state_size, flags.size)
     first = jnp.minimum(0.02, law.longest(flags))
     if route.knots:
         first = jnp.minimum(first, _ahead(start, route.stop, route.knots))
@@ -357,7 +357,7 @@ def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
 
 def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code) -> Record:
     """The record with a step that was taken; others go into the row that is thrown away."""
-    recorded_states = route.law.kept
+    recorded_states = route.law.state_size
     slopes = tried.slopes
     states = (carry.state, tried.state)
     rates = (slopes[0], slopes[6])

@@ -71,24 +71,24 @@ class _Revolution(AbstractLaw):
     """The gas at the motion of a crank; its states are followed by those of the accounts."""
 
     system: Cylinders
-    kept: int = eqx.field(static=True)
+    state_size: int = eqx.field(static=True)
 
     def rates(self, angle, state, flags):
-        rates = self.system.rates(angle, state[: self.kept], flags)
+        rates = self.system.rates(angle, state[: self.state_size], flags)
         slopes = jnp.concatenate([rates.state, rates.accounts.ravel()])
         return slopes, rates.events, rates.force
 
     def towards(self, state, events):
-        return self.system.towards(state[: self.kept], events)
+        return self.system.towards(state[: self.state_size], events)
 
     def after(self, angle, event, state, flags, force):
-        of_gas = state[: self.kept]
+        of_gas = state[: self.state_size]
         code, new_flags = self.system.after(event, of_gas, flags, force)
         jumped = self.system.jump(event, code, of_gas)
-        return code, state.at[: self.kept].set(jumped), new_flags
+        return code, state.at[: self.state_size].set(jumped), new_flags
 
     def passed(self, ends, slopes, width, flags, least):
-        ends, slopes = ([values[: self.kept] for values in pair] for pair in (ends, slopes))
+        ends, slopes = ([values[: self.state_size] for values in pair] for pair in (ends, slopes))
         return self.system.passed(ends, slopes, width, flags, least)
 
     def longest(self, flags):
@@ -110,8 +110,8 @@ def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
         options.kept_steps,
         _bends(system),
     )
-    next_state = system.next_revolution(end.state[: law.kept])
-    return end._replace(state=end.state.at[: law.kept].set(next_state))
+    next_state = system.next_revolution(end.state[: law.state_size])
+    return end._replace(state=end.state.at[: law.state_size].set(next_state))
 
 
 def _bends(system: Cylinders) -> tuple[Float[Array, ""], ...]:
