@@ -282,6 +282,8 @@ def sensitivity(
         and not isinstance(compressor.gas, Cylinder)
     ):
         options = dataclasses.replace(options, solver=default_collocation(compressor))
+    if verify:
+        _check_has_nodes(Problem(design, (), requested, options))
     solution, problem = _solved_in_size(Problem(design, (), requested, options))
     numbers = list(given_numbers(design))
     derivative = _by_number(numbers, solution.slope)
@@ -321,19 +323,23 @@ def _by_number(
     return np.stack(columns, -1)
 
 
-def _with_more_nodes(problem: Problem) -> Problem:
-    """A problem that is solved with more nodes on every panel.
+def _check_has_nodes(problem: Problem) -> None:
+    """Refuse, before anything is solved, what no second solution with more nodes can tell.
 
     Raises:
         BadInput: a machine without a crank, or a solver other than collocation.
     """
     if problem.design.compressor is None:
-        raise BadInput(
-            "verify", True, "absent for a machine without a crank, whose slopes have no nodes"
-        )
+        bound = "absent for a machine without a crank, whose slopes have no nodes"
+        raise BadInput("verify", True, bound)
     solver = solver_of(problem)
     if not isinstance(solver, Collocation):
         raise BadInput("verify", f"given with {solver.name}", "given with collocation")
+
+
+def _with_more_nodes(problem: Problem) -> Problem:
+    """A problem that is solved with more nodes on every panel."""
+    solver = solver_of(problem)
     cycle = dataclasses.replace(solver.cycle, nodes=solver.cycle.panel_nodes + _MORE_NODES)
     finer = dataclasses.replace(solver, nodes=solver.nodes + _MORE_NODES, cycle=cycle)
     return eqx.tree_at(

@@ -122,6 +122,8 @@ def test_the_march_compares_the_work():
     assert abs(error) < 1e-7 * float(orbit.energy.gas_work)
 
 
+# compiles a derivative in all points of a table, for 25 s
+@pytest.mark.slow
 def test_the_work_is_linear_in_the_points():
     """Derivatives to the pressures are those of the quadrature of the curve."""
     table = table_over_angle(24)

@@ -341,6 +341,8 @@ def test_gradient_from_geometry_to_the_housing_equals_differences(scene, name):
         )
 
 
+# compiles crank, rotor and balance with their derivative, for half a minute
+@pytest.mark.slow
 def test_derivative_through_the_whole_chain_along_one_direction(scene):
     """As the slow test, in forward mode along one mixed direction."""
     one = problem(
