@@ -142,7 +142,8 @@ def rates(
         lines: the gas at the flanges, where pipes let it swing; that of the case if absent.
     """
     gas = gas_in(case, angle, state) if gas is None else gas
-    cylinder, inside = case.cylinder, side_of(gas)
+    cylinder = case.cylinder
+    inside = side_of(gas)
     flanges = case.lines if lines is None else lines
     before, behind = map(side_of, valve_sides(pair)) if pair else flanges
     volume, volume_1 = case.volume(angle)
@@ -166,7 +167,8 @@ def rates(
     heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
 
     # the balances of mass and energy, for mass and temperature
-    mass, carried = state[0] * case.mass_scale, valves.flow * valves.enthalpy
+    mass = state[0] * case.mass_scale
+    carried = valves.flow * valves.enthalpy
     mass_1 = (valves.flow[0] - valves.flow[1] - leak) / pace
     gained = carried[0] - carried[1] - leak * leak_enthalpy + heat
     energy_1 = (
@@ -176,7 +178,8 @@ def rates(
 
     slopes = [first, valves.rates.ravel()]
     # [1/kg] and [1/J] from a flow to its rate over the angle, in units of mass and energy scale
-    tiny, small = 1 / (pace * case.mass_scale), 1 / (pace * case.energy_scale)
+    tiny = 1 / (pace * case.mass_scale)
+    small = 1 / (pace * case.energy_scale)
     leaks = leak * tiny, leak * leak_enthalpy * small
     flows = valves.flow * tiny, carried * small
     warmed = heat * small
@@ -256,15 +259,17 @@ def _valve(
     mode, u_sign, p_sign = flags
     lift, velocity, port_velocity = scales_of(case, valve)
     difference = (a.p - b.p) / case.suction.p
-    unity, zero = jnp.ones(()), jnp.zeros(())
+    unity = jnp.ones(())
 
     moving = valve.oscillator
-    is_open, force, v_1 = unity, zero, zero
+    is_open = unity
+    force = jnp.zeros(())
     events = [unity] * 4
     x_1 = -_IDLE * x
     v_1 = -_IDLE * v
     if moving is not None:
-        seated, free = mode == SEAT, mode == FREE
+        seated = mode == SEAT
+        free = mode == FREE
         is_open = 1.0 * (mode > SEAT)
         place = jnp.where(free, x, 1.0 * (mode == STOP))
         area = valve.force_area(place * lift)
@@ -288,7 +293,8 @@ def _valve(
         flow = area * quasi_steady_flow(a, b)
         if moving is None:
             flow = jnp.maximum(flow, 0.0)
-        forward, u_1 = a.p > b.p, -_IDLE * u
+        forward = a.p > b.p
+        u_1 = -_IDLE * u
     else:
         speed_in_port = u * port_velocity
         push = port_acceleration(a, b, speed_in_port, p_sign, u_sign)

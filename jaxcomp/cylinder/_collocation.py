@@ -225,7 +225,8 @@ def solve_factors(factors: Factors, right_hand_side: Residual) -> Unknowns:
     panel_ends = jnp.concatenate([own_new, own_edge[:, None]], axis=1)
 
     # one linear operation, whose transpose goes round the other way
-    maps, turned = factors.maps, jnp.roll(factors.maps[::-1], 1, axis=0).transpose(0, 2, 1)
+    maps = factors.maps
+    turned = jnp.roll(maps[::-1], 1, axis=0).transpose(0, 2, 1)
     after = lax.custom_linear_solve(
         lambda x: x - (maps @ jnp.roll(x, 1, axis=0)[:, :, None])[:, :, 0],
         panel_ends,

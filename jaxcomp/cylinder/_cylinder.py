@@ -436,7 +436,8 @@ def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid = cylinder.fluid
     line = cylinder.suction
-    (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.evaporating)
+    low, high = fluid.temperature_range
+    dew = _dew(fluid, line.pressure, line.evaporating)
     heated = 0.0 if line.heating is None else line.heating
     why = f"the range of {_name(fluid)}"
     if line.temperature is not None:
@@ -447,7 +448,9 @@ def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 
 
 def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
-    fluid, (suction, discharge) = cylinder.fluid, (cylinder.suction, cylinder.discharge)
+    fluid = cylinder.fluid
+    suction = cylinder.suction
+    discharge = cylinder.discharge
     dew = _dew(fluid, suction.pressure, suction.evaporating)
     if has_dew_line(fluid) and discharge.condensing is not None:
         inside = Bound(dew, fluid.critical_temperature, True, True)
@@ -466,7 +469,8 @@ def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
 def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     fluid = cylinder.fluid
     line = cylinder.discharge
-    (low, high), dew = fluid.temperature_range, _dew(fluid, line.pressure, line.condensing)
+    low, high = fluid.temperature_range
+    dew = _dew(fluid, line.pressure, line.condensing)
     if line.temperature is not None:
         least = dew - _NEAR
         tools = jnp if is_traced(least) else np

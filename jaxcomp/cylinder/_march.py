@@ -276,7 +276,8 @@ def _edge(route: _Route, event, end):
 
 def _attempt(route: _Route, carry: _Carry) -> _Attempt:
     """All stages in a loop, so that the law is traced once."""
-    law, (a, c, e) = route.law, map(jnp.asarray, (_A, _C, _E))
+    law = route.law
+    a, c, e = map(jnp.asarray, (_A, _C, _E))
 
     def stage(i, work):
         slopes, _, _, _ = work

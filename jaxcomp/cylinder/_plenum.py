@@ -142,7 +142,8 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
         # the streams into the first plenum, between plenums, and out of the last
         along = [*necks, at_valve] if chain.inward else [at_valve, *necks]
         for i, (plenum, gas) in enumerate(zip(chain.plenums, chain.gases, strict=True)):
-            (come, with_it), (go, away) = along[i], along[i + 1]
+            come, with_it = along[i]
+            go, away = along[i + 1]
             gained = come - go
             mass = gas.rho * plenum.volume
             energy = gas.T * gas.dp_dT * gained / gas.rho - gas.h * gained + with_it - away

@@ -193,7 +193,8 @@ class Cylinders(eqx.Module):
         """
         states, plenums = self.parted(state)
         m, q, k = self.stride, plenums.size, self.count
-        shared, own_angle = self.shared, self.own_angle(angle)
+        shared = self.shared
+        own_angle = self.own_angle(angle)
 
         def cylinder_slopes(case, angle, state, flags):
             def law(packed, gas):
@@ -250,14 +251,15 @@ class Cylinders(eqx.Module):
             with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*of_chains)
             through = jnp.einsum("qa,kac->kqc", with_streams, of_streams)
             rows, turned = among_all(through)
-            rows, turned = rows.reshape(k, q, -1).sum(0), turned.reshape(k, q).sum(0)
+            rows = rows.reshape(k, q, -1).sum(0)
+            turned = turned.reshape(k, q).sum(0)
             by_state = jnp.concatenate([by_state, rows.at[:, k * m :].add(with_plenums)])
             by_angle = jnp.concatenate([by_angle, turned + with_angle])
             state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*of_chains)])
         return (state_1.ravel(), events.ravel()), (by_state, by_angle), among_all(of_events)
 
     def with_waves(self, waves: Waves) -> "Cylinders":
-        """The same behind flanges with these waves."""
+        """These cylinders behind flanges with given waves."""
         return Cylinders(self.cases, self.phase, self.in_time, waves)
 
     @property

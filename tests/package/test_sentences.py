@@ -15,7 +15,7 @@ SHORT = re.compile(r"[a-z]_?\w?")
 COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
 # Upper limits as reached. Assignments share a line where a later one must not see the earlier, or where
 # their function would grow beyond sixty lines.
-LIMITS = {"packed": 16, "conditional": 0, "comprehension": 3}
+LIMITS = {"packed": 1, "conditional": 0, "comprehension": 3}
 # Names that say only that there is something: what it is stands nowhere.
 EMPTY = frozenset(
     re.findall(
