@@ -43,6 +43,9 @@ _NODES = 6
 # one in five times out of six, which costs another round of Newton's method: a design took 88 ms with it,
 # 51 ms with 3e-7, of which the finer march is 3 ms.
 _FINER_MARCH = 0.01
+# Share of the tolerance beyond which no march before the collocation is finer: Newton's method closes the
+# rest, and where that does not hold, the march by `value_tolerance` stands.
+_FINEST_MARCH = 1e-3
 # [-] Resolution beyond which more panels are taken: such cycles were off by 1e-5 and more.
 COARSE = 3e-3
 
@@ -112,11 +115,16 @@ class CycleOptions(eqx.Module):
         """Tries of steps in a revolution, at most."""
         return self.cylinders * (self.max_passes or SIZES[self.size].max_passes)
 
-    @property
-    def first_march_tolerance(self) -> Float[Array, ""]:
-        """[-] Error of a step of the march of the first round."""
-        finer = 1.0 if self.size == 0 else _FINER_MARCH
-        return finer * jnp.asarray(self.march_tolerance)
+    def march_tolerance_of(self, number: Int[Array, ""]) -> Float[Array, ""]:
+        """[-] Error of a step of the march of a round.
+
+        Args:
+            number: of the round; that of the first is 0, and -1 of what begins with a start.
+        """
+        first = 1.0 if self.size == 0 else _FINER_MARCH
+        # where a branch was left, a coarser march has missed an event
+        share = first * 0.1 ** jnp.maximum(number, 0)
+        return jnp.maximum(share, _FINEST_MARCH) * self.march_tolerance
 
     @property
     def revolutions_at_most(self) -> int:

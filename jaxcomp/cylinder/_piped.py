@@ -16,8 +16,6 @@ from ._waves import WIDEST, waves_at_rest
 
 # From nothing six pipes up to 17 % of pulsation took up to 3 rounds, others up to 37 % took 5.
 _ROUNDS = 6
-# A march beside waves that are not the final ones need not be finer than this.
-_FINEST = 1e-3
 
 
 def piped_rounds(
@@ -42,8 +40,7 @@ def piped_rounds(
     def advance(carry):
         state, flags, waves, previous, rounds = carry
         ready = rounds < 0
-        finer = jnp.maximum(0.1 ** jnp.maximum(rounds, 0), _FINEST)
-        tolerance = options.first_march_tolerance * finer
+        tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance
         is_marched = ~(previous.solved | ready)
         behind = system.with_waves(waves)

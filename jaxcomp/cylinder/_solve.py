@@ -459,8 +459,7 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
     def advance(carry):
         state, flags, previous, rounds = carry
         ready = rounds < 0
-        # where a branch was left, a coarser march has missed an event
-        tolerance = options.first_march_tolerance * 0.1 ** jnp.maximum(rounds, 0)
+        tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
         is_marched = ~(previous.solved | ready)
         end = march(system, options, tolerance, repeat, state, flags, is_marched, few)
