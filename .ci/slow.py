@@ -1,7 +1,7 @@
 """An eighth of the slow tests, which a commit chooses: `python .ci/slow.py COMMIT`.
 
 Every test has a process of its own, two at a time: one that dies or stands still is told and does not
-keep the others from running. What eleven minutes have no room for is told as well, and is no failure.
+keep the others from running. What eight minutes have no room for is told as well, and is no failure.
 """
 
 import os
@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
 
 PARTS = 8
-TOGETHER, ALONE = 11 * 60, 5 * 60  # [s]
+TOGETHER, ALONE = 8 * 60, 5 * 60  # [s]
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-m", "slow")
 # what takes longer than a test may is named, and where a test stands still
 OPTIONS = ("--durations=0", "--durations-min=120", "-o", "faulthandler_timeout=300")
