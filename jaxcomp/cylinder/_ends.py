@@ -156,9 +156,9 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
 
 
 def _controlled(
-    cylinder_before_control: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
+    settings: Cylinder, cylinders: list[Cylinder], pistons: list[PistonEnd]
 ) -> list[Cylinder]:
-    """The ends with the unloaders and pockets that act on each."""
+    """The ends with the unloaders and pockets that act on each, by settings of all ends."""
     unloaders = [getattr(end.suction_valve, "unloader", None) for end in cylinders]
     like = next((unloader for unloader in unloaders if unloader is not None), None)
     controlled = []
@@ -167,19 +167,14 @@ def _controlled(
     ):
         valve = end.suction_valve
         if like is not None:
-            acts = (
-                0.0
-                if cylinder_before_control.unloaded is None
-                else cylinder_before_control.unloaded[number]
-            )
-            force = jnp.zeros(()) if unloader is None else acts * unloader.force
+            force = jnp.zeros(())
+            if unloader is not None and settings.unloaded is not None:
+                force = settings.unloaded[number] * unloader.force
             # Ends without one have one without a force, so that all are of one kind.
             valve = rebuilt(valve, unloader=replaced(unloader or like, force=force))
         clearance = end.clearance_ratio
-        if end.pocket is not None and cylinder_before_control.pockets is not None:
-            clearance += (
-                cylinder_before_control.pockets[number] * end.pocket.volume / piston.swept_volume
-            )
+        if end.pocket is not None and settings.pockets is not None:
+            clearance += settings.pockets[number] * end.pocket.volume / piston.swept_volume
         controlled.append(
             rebuilt(
                 end,
@@ -223,11 +218,20 @@ def check_settings(cylinder: Cylinder, count: int) -> None:
             values = getattr(settings, name)
             if values is None:
                 continue
+            path = f"gas.{where}{name}"
             if values.shape != (ends,):
                 bound = f"one for each of {ends} ends, head before crank end"
-                raise BadInput(f"gas.{where}{name}", f"{values.size} values", bound)
-            if not is_traced(values):
-                _check_acting(_parts_of_ends(cylinder, count), f"gas.{where}{name}", values)
+                raise BadInput(path, f"{values.size} values", bound)
+            if is_traced(values):
+                continue
+            parts = _parts_of_ends(cylinder, count)
+            _check_acting(parts, name, path, values)
+            if name == "unloaded":
+                _check_delivering(parts, path, values)
+
+
+# What an end must have for each of the settings.
+_ENTRIES = {"unloaded": "suction_valve.unloader", "pockets": "pocket"}
 
 
 class _EndParts(NamedTuple):
@@ -252,31 +256,32 @@ def _parts_of_ends(cylinder: Cylinder, count: int) -> list[_EndParts]:
     return parts
 
 
-def _check_acting(parts: list[_EndParts], where: str, values: Float[Array, " e"]) -> None:
-    """Refuse settings of what an end does not have, and stages that nothing passes.
+def _check_acting(parts: list[_EndParts], name: str, path: str, values: Float[Array, " e"]) -> None:
+    """Refuse settings of what an end does not have.
 
     Args:
         parts: of every end.
-        where: the path of the settings, whose last word is "unloaded" or "pockets".
+        name: of the settings, "unloaded" or "pockets".
+        path: of the settings in a file.
         values: [-] the settings.
     """
-    unloads = where.endswith("unloaded")
-    what = "a suction_valve.unloader" if unloads else "a pocket"
-    for number, (part, value) in enumerate(zip(parts, np.asarray(values), strict=True)):
-        if value > 0 and (part.unloader if unloads else part.pocket) is None:
-            bound = f"0 for end {number + 1}, which has no {what.removeprefix('a ')}"
-            raise BadInput(where, values, f"{bound} (head before crank end)")
-    if not unloads:
-        return
-    for stage in sorted({part.stage for part in parts}):
-        of_stage = [
-            value == 1 and part.unloader.release is None
-            for part, value in zip(parts, np.asarray(values), strict=True)
-            if part.stage == stage
-        ]
-        if all(of_stage):
-            bound = f"0 for an end of stage {stage} at least, which delivers nothing otherwise"
-            raise BadInput(where, values, bound)
+    for number, (part, value) in enumerate(zip(parts, np.asarray(values), strict=True), 1):
+        acting = part.unloader if name == "unloaded" else part.pocket
+        if value > 0 and acting is None:
+            bound = f"0 for end {number}, which has no {_ENTRIES[name]} (head before crank end)"
+            raise BadInput(path, values, bound)
+
+
+def _check_delivering(parts: list[_EndParts], path: str, values: Float[Array, " e"]) -> None:
+    """Refuse a stage of which every end is held open over the whole revolution."""
+    delivering = set()
+    for part, value in zip(parts, np.asarray(values), strict=True):
+        if value != 1 or part.unloader.release is not None:
+            delivering.add(part.stage)
+    for part in parts:
+        if part.stage not in delivering:
+            bound = f"0 for an end of stage {part.stage} at least, which delivers nothing otherwise"
+            raise BadInput(path, values, bound)
 
 
 def between_lines(cylinder: Cylinder) -> list[Cylinder]:

@@ -315,7 +315,11 @@ def in_size(problem: Problem, size: CycleOptions | None) -> Problem:
     """The problem with its cycle solved in a size that `climb_of` gave."""
     if size is None:
         return problem
-    solver = dataclasses.replace(solver_of(problem), cycle=size)
+    return with_solver(problem, dataclasses.replace(solver_of(problem), cycle=size))
+
+
+def with_solver(problem: Problem, solver: Any) -> Problem:
+    """The problem with another solver of the orbit."""
     return eqx.tree_at(lambda p: p.options.solver, problem, solver, is_leaf=lambda x: x is None)
 
 

@@ -30,6 +30,7 @@ from ._problem import (
     solver_of,
     unit_of,
     value_of,
+    with_solver,
 )
 from ._variables import GivenNumber, given_numbers
 
@@ -140,6 +141,9 @@ class Sensitivity(Result):
         place = self.quantities.index(quantity)
         value = self.value[place]
         elasticity = self.elasticity[place]
+        errors = np.full(len(self.numbers), np.nan)
+        if self.derivative_error is not None:
+            errors = self.derivative_error[place]
         look = shown(quantity, self.quantity_units[place], value)
         rows = zip(
             self.numbers,
@@ -148,13 +152,11 @@ class Sensitivity(Result):
             self.present.tolist(),
             elasticity.tolist(),
             self.derivative[place].tolist(),
+            [look] * len(self.numbers),
+            errors.tolist(),
             strict=True,
         )
-        influences = [Influence(*row, look) for row in rows]
-        if self.derivative_error is not None:
-            errors = self.derivative_error[place].tolist()
-            pairs = zip(influences, errors, strict=True)
-            influences = [influence._replace(error=error) for influence, error in pairs]
+        influences = [Influence(*row) for row in rows]
 
         def order(influence):
             if influence.relative:
@@ -282,9 +284,10 @@ def sensitivity(
         and not isinstance(compressor.gas, Cylinder)
     ):
         options = dataclasses.replace(options, solver=default_collocation(compressor))
+    problem = Problem(design, (), requested, options)
     if verify:
-        _check_has_nodes(Problem(design, (), requested, options))
-    solution, problem = _solved_in_size(Problem(design, (), requested, options))
+        _check_has_nodes(problem)
+    solution, problem = _solved_in_size(problem)
     numbers = list(given_numbers(design))
     derivative = _by_number(numbers, solution.slope)
     derivative_error = None
@@ -342,9 +345,7 @@ def _with_more_nodes(problem: Problem) -> Problem:
     solver = solver_of(problem)
     cycle = dataclasses.replace(solver.cycle, nodes=solver.cycle.panel_nodes + _MORE_NODES)
     finer = dataclasses.replace(solver, nodes=solver.nodes + _MORE_NODES, cycle=cycle)
-    return eqx.tree_at(
-        lambda p: p.options.solver, problem, finer, is_leaf=lambda leaf: leaf is None
-    )
+    return with_solver(problem, finer)
 
 
 class _Solution(NamedTuple):
