@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._core.errors import BadInput, no_machine
-from ._core.fields import Part, rebuilt
+from ._core.fields import Part, names_with_value, rebuilt
 from ._core.printed import printed
 from ._core.words import one_of
 from .compressor import Compressor, staged
@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # a compressor alone does not import the rotor
 __all__ = ["Assembly", "Machine", "assembled"]
 
 
+@names_with_value
 class Machine(eqx.Module):
     """All numbers of a machine, each once.
 

@@ -49,6 +49,31 @@ BOOSTS = {
     "licence.md": 0.1,
     "reference/index.md": 0.2,
 }
+# Of the pages that lead through a task, which stand before what only mentions its words.
+OF_TASKS = 4
+# Modules with so many names that they have several pages: the files that each page describes.
+PARTS = {
+    "jaxcomp.study": {
+        "designs": "_analysis _options _problem _rules _variables",
+        "running": "_steady_state _load_steps _rotor_response _api_618",
+        "comparing": "_compared _sensitivity",
+        "optimising": "_optimise _optimum _pareto",
+        "measurements": "identification._crank_tests identification._measurement "
+        "identification._readings identification._rotor_tests",
+        "identifying": "identification",
+    },
+    "jaxcomp.rotor": {
+        "model": "_model _nodes _bodies _shaft _crankshaft _conventions",
+        "links": "_links",
+        "motion": "",
+    },
+}
+# Pictures of studies on the front page, by their number in the notebook.
+GALLERY = {
+    "whole_compressor": 0, "valves": 0, "identified_machines": 0, "balance": 0, "tolerances": 0,
+    "several_cylinders": 2, "pipes": 0, "process_compressor": 0, "journal_films": 1,
+    "optimal_bore": 0, "sweeps": 0, "transients": 2,
+}  # fmt: skip
 
 
 # ------------------------------------------------------------------------------ the two steps
@@ -70,15 +95,20 @@ def write_pages(out: Path = OUT) -> list[str]:
         files |= pictures
     problems: list[str] = []
     pages = {page: _with_site_links(page, text, problems) for page, text in pages.items()}
+    pages["index.md"] = _with_gallery(pages["index.md"])
     pages |= _reference()
     pages["reference/machines.md"] = _machines()
     pages["reference/entries.md"] = _entries()
     pages["reference/quantities.md"] = _quantities()
+    settings = yaml.safe_load((ROOT / ".mkdocs.yml").read_text("utf-8"))
+    sections = {name: entries for entry in settings["nav"] for name, entries in entry.items()}
+    boosts = dict.fromkeys([*sections["Start"], *sections["How to"]], OF_TASKS) | BOOSTS
     for page in pages:
-        boost = BOOSTS.get(page, 0.4 if page.startswith("reference/") else None)
+        boost = boosts.get(page, 0.4 if page.startswith("reference/") else None)
         if boost:
             # a row is found by its name as a title is
-            names = re.findall(r"^\| `(\w+)", pages[page], re.M) if boost > 1 else []
+            is_table = page.startswith("reference/") and boost > 1
+            names = re.findall(r"^\| `(\w+)", pages[page], re.M) if is_table else []
             head = {"search": {"boost": boost}, "tags": sorted(set(names))}
             pages[page] = f"---\n{yaml.safe_dump(head)}---\n\n{pages[page]}"
     shutil.rmtree(out / "pages", ignore_errors=True)
@@ -86,9 +116,7 @@ def write_pages(out: Path = OUT) -> list[str]:
         path = out / "pages" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    settings = yaml.safe_load((ROOT / ".mkdocs.yml").read_text("utf-8"))
-    sections = {name: entries for entry in settings["nav"] for name, entries in entry.items()}
-    sections["Reference"] += [{name: _page_of(name)} for name in public_names()]
+    sections["Reference"] += _entries_of_modules()
     (out / "mkdocs.yml").write_text(yaml.safe_dump(settings, sort_keys=False), "utf-8")
     (out / "pages" / "llms.txt").write_text(_index_for_programs(pages, settings), "utf-8")
     return problems
@@ -131,6 +159,19 @@ def finish(out: Path = OUT) -> list[str]:
         if html != text:
             path.write_text(html, "utf-8")
     return problems + list(broken(out / "site"))
+
+
+def _with_gallery(page: str) -> str:
+    """The front page with pictures of the studies, each leading to its own."""
+    figures = []
+    for study, number in GALLERY.items():
+        markdown, _ = _notebook(Path(__file__).parent / f"{study}.ipynb")
+        title = _cell(re.search(r"^# (.*)$", markdown, re.M)[1].replace("`", ""))
+        picture = f'<img src="{study}_files/{number}.png" alt="" loading="lazy">'
+        figures.append(f'<a href="{study}.html">{picture}<span>{title}</span></a>')
+    gallery = "\n".join(["## Studies in pictures\n", '<div class="gallery">', *figures, "</div>"])
+    before, heading, after = page.partition("## From Python")
+    return f"{before}{gallery}\n\n{heading}{after}"
 
 
 def _beside(pattern: str) -> list[Path]:
@@ -186,8 +227,18 @@ def _site_link(source, page, target, problems):
         path = path.lstrip(".")
     else:
         problems.append(f"{source}: the site has no page for {target}")
+    if path.startswith("reference/") and anchor:
+        path = _page_of_anchor(path, anchor)
     link = posixpath.relpath(path, posixpath.dirname(page) or ".")
     return f"{link}#{anchor}" if anchor else link
+
+
+def _page_of_anchor(path, anchor):
+    """The page of the reference that describes a name: one of several of a large module."""
+    module = posixpath.basename(path).removesuffix(".md")
+    name = anchor.removeprefix(f"{module}.")
+    source = public_names().get(module, {}).get(name)
+    return path if source is None else _page_of(module, _part_of(module, source))
 
 
 # ------------------------------------------------------------------------------ notebooks
@@ -271,8 +322,28 @@ def _cell(text: str) -> str:
 
 
 # ------------------------------------------------------------------------------ reference
-def _page_of(module):
-    return f"reference/{module}.md"
+def _page_of(module, part=""):
+    """The page of a module, or of a part of a large one."""
+    return f"reference/{module}{part and f'-{part}'}.md"
+
+
+def _part_of(module, source):
+    """The part of a large module that describes what a file of it holds; "" of other modules."""
+    inner = source.removeprefix(f"{module}.")
+    for part, files in PARTS.get(module, {}).items():
+        if inner.startswith(tuple(files.split()) or ""):
+            return part
+    return ""
+
+
+def _entries_of_modules():
+    """Modules in the navigation, with their parts below."""
+    entries = []
+    for module in public_names():
+        parts = [{part: _page_of(module, part)} for part in PARTS.get(module, {})]
+        pages = [{"overview": _page_of(module)}, *parts]
+        entries.append({module: pages if parts else _page_of(module)})
+    return entries
 
 
 def _home(module, name, known):
@@ -285,25 +356,31 @@ def _home(module, name, known):
 
 
 def _reference():
-    """The index of all public names, and a page of each module."""
+    """The index of all public names, and a page or several of each module."""
     known = public_names()
     pages, rows = {}, []
     for module, names in known.items():
-        own, table = [], []
+        table, described = [], {_page_of(module): []}
+        described |= {_page_of(module, part): [] for part in PARTS.get(module, {})}
         for name in sorted(names, key=str.lower):
             home = _home(module, name, known)
+            page = _page_of(home, _part_of(home, known[home].get(name, "")))
             told = _cell(first_sentence(names[name], name))
-            link = f"[`{name}`]({home}.md#{home}.{name})"
+            link = f"[`{name}`]({posixpath.basename(page)}#{home}.{name})"
             table.append(f"| {link} | {told} |")
             if home == module:
-                own.append(f"::: {module}.{name}\n    options:\n      heading_level: 2\n")
+                entry = f"::: {module}.{name}\n    options:\n      heading_level: 2\n"
+                described[page].append(entry)
                 rows.append((name, f"| {link} | `{home}` | {told} |"))
         head = (
             f"::: {module}\n    options:\n      members: false\n      show_root_full_path: true\n"
         )
         head += "      show_source: false\n      heading_level: 1\n"
         listing = "\n".join(["| name | what it is |", "|---|---|", *table])
-        pages[_page_of(module)] = f"{head}\n{listing}\n\n" + "\n".join(own)
+        for part in PARTS.get(module, {}):
+            page = _page_of(module, part)
+            pages[page] = f"# {module}: {part}\n\n" + "\n".join(described[page])
+        pages[_page_of(module)] = f"{head}\n{listing}\n\n" + "\n".join(described[_page_of(module)])
     rows.sort(key=lambda row: row[0].lower())
     letters = "\n".join(row for _, row in rows)
     modules = ", ".join(f"[`{name}`]({name}.md)" for name in known)

@@ -116,6 +116,7 @@ def _py(call: Callable[[Any], Any], *names: str) -> Call:
 
 
 R22 = "semi-hermetic-200cc"
+STEEL = "rotor.shafts.0.young_modulus=0.5:2"
 MAP_HEAD = (
     "evaporating [degC],condensing [degC],return_gas [degC],subcooling [K],capacity [W],power [W]"
 )
@@ -619,6 +620,9 @@ COMMANDS = {
         ("no design", "motor_power <= 0.001 kW", "nearest"),
         most=2 * MOST,  # with the tables of the nearest design
     ),
+    "command of an earlier version": _cli(
+        f"update hermetic-68cc modes.csv --variable {STEEL}", "identify MACHINE --data", "--vary"
+    ),
     "friction that locks": _cli(
         f"run {WBHE} --set friction.wall.coefficient=8", "locks the joints", "lower"
     ),
@@ -627,9 +631,8 @@ COMMANDS = {
     "pipe for a modal test": _cli(f"{IDENTIFY} pipe.uff", "pipe.uff", "pipe", "into a file"),
 }
 
-STEEL = "rotor.shafts.0.young_modulus=0.5:2"
 BALANCE = "balance --measured readings.csv"
-UPDATE = f"update hermetic-68cc readings.csv --variable {STEEL}"
+MODAL_TEST = f"identify hermetic-68cc --data readings.csv --vary {STEEL}"
 READINGS = {
     "misspelt setting": _map("# sped = 900 rpm", "sped", '"speed"'),
     "setting of another kind of file": _map(
@@ -678,7 +681,7 @@ READINGS = {
     "transmissibility for a response": _readings(
         TRANSMISSIBILITY,
         *("data type 12 over 12", "motion", "force"),
-        line=UPDATE.replace("readings.csv", "frf.uff"),
+        line=MODAL_TEST.replace("readings.csv", "frf.uff"),
         file="frf.uff",
     ),
     "blades of another plane": _readings(
@@ -757,10 +760,10 @@ READINGS = {
         f"{VIBRATION_HEAD}\n,ux,1450,3\n", "line 2.target", "empty", "write"
     ),
     "mode without its number": _readings(
-        "mode,frequency [Hz]\n,100\n", "line 2.mode", "number", line=UPDATE
+        "mode,frequency [Hz]\n,100\n", "line 2.mode", "number", line=MODAL_TEST
     ),
     "two runs in one table of modes": _readings(
-        "mode,frequency [Hz]\n1,100\n1,100.4\n", "mode = 1", "file of its own", line=UPDATE
+        "mode,frequency [Hz]\n1,100\n1,100.4\n", "mode = 1", "file of its own", line=MODAL_TEST
     ),
     "polynomials without their lines": _readings(POLYNOMIAL_HEAD, "quantity", "no line", "power"),
     "range that falls": _readings(
@@ -784,7 +787,7 @@ READINGS = {
         CUT_SET,
         "cut",
         "as a whole",
-        line=UPDATE.replace("readings.csv", "modes.uff"),
+        line=MODAL_TEST.replace("readings.csv", "modes.uff"),
         file="modes.uff",
     ),
 }
@@ -926,6 +929,10 @@ CALLS = {
     "misspelt name of the package": _py(
         lambda s: jc.solve_orbits(s), "solve_orbits", '"solve_orbit"'
     ),
+    "value that is assigned": _py(
+        lambda s: setattr(s.compressor.motor, "mean_speed", 3.0), "mean_speed", "with_value"
+    ),
+    "machine that is assigned": _py(lambda s: setattr(s, "machine", None), "machine", "with_value"),
     "value in a wrong unit": _py(
         lambda s: jc.scene.with_value(s, "mechanism.bore", "120 kg"), "mechanism.bore", "120 kg"
     ),

@@ -34,6 +34,7 @@ from . import programs
 from .errors import BadInput
 from .fields import is_traced, strongly_typed
 from .precision import single_precision
+from .progress import count_loaded
 
 # Whether traced programs are kept where compiled ones are.
 enabled = True
@@ -197,6 +198,7 @@ def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
     )
     if loaded is None:
         return None
+    count_loaded(len(text))
     return pickle.loads(result_template), loaded
 
 

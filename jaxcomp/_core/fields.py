@@ -25,6 +25,7 @@ from .programs import keep_programs
 keep_programs()
 
 _MISSING = dataclasses.MISSING
+_Class = TypeVar("_Class", bound=type)
 _Tree = TypeVar("_Tree")
 
 
@@ -143,6 +144,25 @@ def quantity(
     return eqx.field(**options)
 
 
+def names_with_value(frozen: _Class) -> _Class:
+    """A class whose fields stay as they are, and that says how another value is given."""
+    refuse = frozen.__setattr__
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        try:
+            refuse(self, name, value)
+        except dataclasses.FrozenInstanceError:
+            raise dataclasses.FrozenInstanceError(
+                f"`{name}` stays as it is: a machine is never changed in place. "
+                "jaxcomp.scene.with_value(machine, PATH, VALUE) gives another machine, such as "
+                'with_value(machine, "motor.mean_speed", "900 rpm")'
+            ) from None
+
+    setattr(frozen, "__setattr__", __setattr__)  # noqa: B010, which pyright takes for a method
+    return frozen
+
+
+@names_with_value
 class Part(eqx.Module):
     """Base of every machine part: float arrays with a unit and a bound each.
 

@@ -31,7 +31,7 @@ import jax
 from jaxlib.version import __version_info__
 
 from .interrupts import removed_when_stopped
-from .progress import compile_time, compiling
+from .progress import compile_time, compiling, count_loaded, remember_in
 
 ENVIRONMENT = "JAXCOMP_CACHE"
 # [bytes] All that is kept; what was read longest ago goes first.
@@ -102,6 +102,7 @@ def keep_programs() -> None:
     """From now on keep the programs of this package that are compiled."""
     from jax._src import compiler
 
+    remember_in(_usable_root)
     compile_one = compiler.compile_or_get_cached
     if list(inspect.signature(compile_one).parameters)[:5] == _ARGUMENTS:
         compiler.compile_or_get_cached = functools.partial(_compiled, compile_one)
@@ -142,6 +143,7 @@ def _compiled(
         to = further[0] if further else named["executable_devices"]
         program = loaded(path, lambda: backend.deserialize_executable(entry, to, options))
         if program is not None:
+            count_loaded(len(code))
             return program
     telling = contextlib.nullcontext()
     if of_package:
@@ -268,6 +270,14 @@ def _root() -> Path | None:
     if setting.strip().lower() in ("off", "0", "no", ""):
         return None
     return Path(setting).expanduser().absolute()
+
+
+def _usable_root() -> Path | None:
+    """Folder of the programs, if they are kept there."""
+    root = _root()
+    if root is None or not keeps() or _refused(root):
+        return None
+    return root
 
 
 def _refused(folder: Path) -> str:

@@ -7,16 +7,18 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from .waits import Wait, earlier_waits, expected, remember, seconds_of
+
 # [s] Compiling for longer than this is told; between two lines of progress.
 _AFTER = 2.0
 _EVERY = 10.0
-# [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
-_PER_BYTE = 4e-5
+# [bytes] Programs of a shorter text are sums and copies, of which nobody wants to know the number.
+_COUNTED = 12_000
 _PACKAGE = str(Path(__file__).parents[1])
 # What functions compute, in words; "the results" of all others.
 _COMPUTES = {
@@ -24,7 +26,7 @@ _COMPUTES = {
     "simulate": "the motion", "sensitivity": "the gains", "gains": "the gains",
     "optimise": "the search", "pareto": "the search", "improve": "the search",
     "sweep": "the designs", "sweep_machines": "the designs", "tolerance": "the tolerances",
-    "balance": "the balance", "rating_map": "the map", "identify": "the map",
+    "balance": "the balance", "rating_map": "the map", "identify": "the fit",
     "steady_state": "the steady state", "load_steps": "the load steps", "rotor_at": "the rotor",
     "rotor_motion": "the vibration", "rotor_modes": "the modes", "undamped_modes": "the modes",
     "critical_speeds": "the critical speeds", "machine_influence": "the influence of the planes",
@@ -35,21 +37,63 @@ _UNNAMED = (f"{os.sep}cli{os.sep}", f"{os.sep}_core{os.sep}", "__main__.py")
 
 
 class _Compiles:
-    """Whether compiling is told, and for which machine."""
+    """Whether compiling is told, for which task and machine, and what was compiled so far."""
 
     announced = False
+    task = ""
     machine = ""
     status: Any = None  # of rich, which shows that something goes on; it says what compiles
+    folder: Any = None  # called for the folder in which waits are remembered
+    first = 0  # [bytes] of the first program that takes long
+    programs = 0
+    size = 0  # [bytes] of all
+    before = 0.0  # [s] of compiling when the task began
+    loaded = False  # whether a program was there already, so that fewer are left than earlier
+    total = ""  # what was told of all programs
 
 
-def watch_compiles(machine: str = "") -> None:
+def watch_compiles(machine: str = "", task: str = "") -> None:
     """From now on say so before a program compiles for more than two seconds.
 
-    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much.
+    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much, and a notebook unasked.
+
+    Args:
+        machine: name of the machine.
+        task: that begins, under which its waits are remembered.
     """
     _Compiles.announced = True
     if machine:
         _Compiles.machine = machine
+    if task:
+        _Compiles.task = task
+        _Compiles.first = _Compiles.programs = _Compiles.size = 0
+        _Compiles.before = compile_time.seconds
+        _Compiles.loaded = False
+        _Compiles.total = ""
+
+
+def remember_waits() -> None:
+    """The task is done: keep how long its programs compiled, if all of them did."""
+    folder = _folder()
+    if not _Compiles.first or _Compiles.loaded or folder is None:
+        return
+    seconds = compile_time.seconds - _Compiles.before
+    wait = Wait(_Compiles.task, _Compiles.first, _Compiles.programs, _Compiles.size, seconds)
+    remember(folder, wait)
+
+
+def count_loaded(size: int) -> None:
+    """A program of so many bytes was read, and did not compile."""
+    _Compiles.loaded |= size >= _COUNTED
+
+
+def remember_in(folder: Callable[[], Path | None]) -> None:
+    """Where waits are remembered."""
+    _Compiles.folder = staticmethod(folder)
+
+
+def _folder() -> Path | None:
+    return _Compiles.folder and _Compiles.folder()
 
 
 def watched() -> bool:
@@ -65,22 +109,28 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         size: [bytes] of its text.
         cached: whether later processes find it compiled.
     """
-    seconds = size * _PER_BYTE
-    requested = _Compiles.announced or os.environ.get("JAXCOMP_WAITS", "").lower() in (
-        "on",
-        "1",
-        "yes",
-    )
+    if size >= _COUNTED:
+        _Compiles.programs += 1
+        _Compiles.size += size
+    waits = earlier_waits(_folder())
+    seconds = seconds_of(size, waits)
+    by_setting = os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
+    requested = _Compiles.announced or by_setting or _in_notebook()
     if not requested or not shows_waits() or seconds < _AFTER:
         yield
         return
-    machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
-    text = f"compiling {_called()}{machine}, about {float(f'{seconds:.1g}'):.0f} s"
-    if cached:
-        text += "; later starts are quicker"
+    is_known = bool(_Compiles.total)
+    text = _Compiles.total
+    if not is_known:
+        text, is_total = _forecast(size, seconds, waits)
+        if cached:
+            text += "; later starts are quicker"
+        if is_total:
+            _Compiles.total = text
     status = _Compiles.status
     if status is None:
-        tell(text)
+        if not is_known:
+            tell(text)
         yield
         return
     before = status.status
@@ -89,6 +139,32 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         yield
     finally:
         status.update(before)
+
+
+def _forecast(size: int, seconds: float, waits: list[Wait]) -> tuple[str, bool]:
+    """Sentence on a program that takes long; whether it speaks of all programs of the task.
+
+    That needs a task of this kind that is known, none of whose programs was there already.
+    """
+    machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
+    wait = None
+    if not _Compiles.first:
+        _Compiles.first = size
+        if not _Compiles.loaded:
+            wait = expected(_Compiles.task, size, waits)
+    if wait is None or wait.programs == 1:
+        return f"compiling {_called()}{machine}, about {_about(seconds)}", False
+    programs = f"{wait.programs} programs for {_called()}{machine}"
+    return f"compiling {programs}, about {_about(wait.seconds)} in all", True
+
+
+def _in_notebook() -> bool:
+    """Whether the cell of a notebook runs, where nobody sees that something goes on."""
+    if "ipykernel" not in sys.modules:
+        return False
+    from IPython import get_ipython
+
+    return getattr(get_ipython(), "kernel", None) is not None
 
 
 def _called() -> str:
@@ -260,6 +336,13 @@ def progress_of(
 def tell(text: str) -> None:
     """One line on standard error."""
     print(f"jaxcomp: {text}", file=sys.stderr, flush=True)
+
+
+def _about(seconds: float) -> str:
+    """A time to one digit: 40 s, 2 min."""
+    if seconds < 90:
+        return f"{float(f'{seconds:.1g}'):.0f} s"
+    return f"{round(seconds / 60)} min"
 
 
 def _span(seconds: float) -> str:

@@ -24,7 +24,7 @@ from ._compare import compare, sensitivity
 from ._files import cache, explain, list_machines, new, schema, upgrade
 from ._identify import identify
 from ._map import rating_map
-from ._modes import modes, update
+from ._modes import modes
 from ._optimise import optimise
 from ._pictures import animate, desk
 from ._pulsation import pulsation
@@ -149,7 +149,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "sweep": sweep,
         "tolerance": tolerance,
     },
-    "Measured machines": {"identify": identify, "update": update},
+    "Measured machines": {"identify": identify},
     "Pipes": {"pulsation": pulsation},
     "Vibration and balance": {"modes": modes, "respond": respond, "balance": balance},
     "Motion and bearings": {"simulate": simulate, "bearing": bearing, "animate": animate},

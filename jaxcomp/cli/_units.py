@@ -78,7 +78,6 @@ _RESULTS: dict[str, tuple[str, ...]] = {
     "sensitivity": ("study.Sensitivity",),
     "simulate": ("crank.Transient",),
     "tolerance": ("study.tolerance.Tolerances",),
-    "update": ("study.RotorUpdate",),
 }
 COMMANDS = tuple({**_TEXTS, **_RESULTS})
 

@@ -29,8 +29,14 @@ _WAITING = f"Computing the gains. The first time of a quantity takes {_WHILE}."
 _ONE_AT_A_TIME = threading.Lock()
 # Columns of the gain: as a number, and as its text, which is shown.
 _GAIN = ("Gain", "gain")
+# Label of the button behind which a search goes on.
+_STOP = "Stop searching"
 # [s] What a tab waits for gains before it is shown without them.
 _PATIENCE = 3.0
+
+
+class SearchStopped(Exception):
+    """A search that somebody stopped."""
 
 
 class Page:
@@ -52,6 +58,7 @@ class Page:
         self.desk = Desk(scene)
         self.desk.system = self.units.value
         self._searched: Desk | None = None  # whose search goes on
+        self._stop = threading.Event()  # of that search
         self._influences: dict[str, Any] = {}
         self._ask_gains(patience)
         self._lay_out(self._by_gain()[:_SLIDERS])
@@ -105,7 +112,8 @@ class Page:
         button = pn.widgets.Button
         buttons = {name: button(label=name, on_click=call) for name, call in calls.items()}
         buttons["Improve"].button_type = "primary"
-        buttons["Improve"].loading = self._searched is self.desk
+        if self._searched is self.desk:
+            buttons["Improve"].param.update(label=_STOP, button_type="danger")
         return buttons
 
     def _files(self) -> tuple[Any, Any]:
@@ -119,13 +127,15 @@ class Page:
         return save, load
 
     def _panes(self) -> list[Any]:
-        """The pictures; the first of them with the mechanism, if it can be drawn, at a crank angle."""
+        """The pictures, the first two together; the mechanism, if it can be drawn, has an angle."""
         first, *panes = [pn.pane.Bokeh(figure, **WIDE) for figure in self.pictures.figures]
-        if not self.pictures.outlines:
-            return [grid(first), *panes]
-        angle = pn.widgets.IntSlider(label="Crank angle [°]", start=-180, end=180, value=60)
-        angle.param.watch(lambda event: self.pictures.turn(event.new), "value")
-        return [grid(first, pn.Column(panes.pop(), angle, **WIDE)), *panes]
+        if self.pictures.outlines:
+            angle = pn.widgets.IntSlider(label="Crank angle [°]", start=-180, end=180, value=60)
+            angle.param.watch(lambda event: self.pictures.turn(event.new), "value")
+            mechanism = pn.Column(panes.pop(), angle, **WIDE)
+            # of a machine with valves their lift stands beside the indicator diagram
+            panes.insert(1 if self.desk.view.lifts else 0, mechanism)
+        return [grid(first, *panes[:1]), *panes[1:]]
 
     # ------------------------------------------------------------ what the user does
 
@@ -257,17 +267,25 @@ class Page:
         desk = self.desk
         document = pn.state.curdoc
         if self._searched is desk:
+            self._stop_search()
             return
         self._drag()
         ranges = {name: slider.range for name, slider in self.sliders.items()}
+        if not ranges:
+            self.say("Improve: click on numbers first, which then have a slider each to vary them.")
+            return
         self._searched = desk
-        self.buttons["Improve"].loading = True
+        stop = threading.Event()
+        self._stop = stop
+        self.buttons["Improve"].param.update(label=_STOP, button_type="danger")
         self.say(
             f"Searching between the ends of the sliders; the first search takes {_WHILE}.", "info"
         )
 
         def show_progress(stage, count, total):
-            later(lambda: self._search_goes_on(desk, f"Improve: {stage}, {count} of {total}"))
+            if stop.is_set():
+                raise SearchStopped
+            later(lambda: self._search_goes_on(desk, stop, f"{stage} {count} of {total}"))
 
         def later(call):
             call() if document is None else _in_time(document, call)
@@ -275,32 +293,42 @@ class Page:
         def work():
             try:
                 outcome = desk.search(ranges, show_progress)
+            except SearchStopped:
+                return  # whoever stopped it has been answered
             except (BadInput, SolveFailed) as error:
                 outcome = error
-            later(lambda: self._search_ended(desk, outcome))
+            later(lambda: self._search_ended(desk, stop, outcome))
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
         if document is None:
             thread.join()
 
-    def _search_goes_on(self, desk: Desk, label: str) -> None:
-        if desk is self.desk:
-            self.buttons["Improve"].label = label
+    def _stop_search(self) -> None:
+        """Answer at once; the search ends behind the design, or the program, at which it is."""
+        self._stop.set()
+        self._end_of_search("The search was stopped, and the machine stays as it stands.")
 
-    def _search_ended(self, desk: Desk, outcome: Improvement | Exception) -> None:
-        """Give the machine what was found for it; nothing if another one was opened meanwhile."""
-        if desk is not self.desk:
-            return
+    def _end_of_search(self, text: str) -> None:
         self._searched = None
+        self.buttons["Improve"].param.update(label="Improve", button_type="primary")
+        self.say(text)
+
+    def _search_goes_on(self, desk: Desk, stop: threading.Event, stage: str) -> None:
+        if desk is self.desk and not stop.is_set():
+            self.buttons["Improve"].label = f"{_STOP}: {stage}"
+
+    def _search_ended(
+        self, desk: Desk, stop: threading.Event, outcome: Improvement | Exception
+    ) -> None:
+        """Give the machine the improvement; nothing if it was stopped, or another machine opened."""
+        if desk is not self.desk or stop.is_set():
+            return
         self._drag()  # what was moved before the answer came counts as moved meanwhile
-        button = self.buttons["Improve"]
-        button.loading = False
-        button.label = "Improve"
         if isinstance(outcome, Improvement):
-            self.say(f"{outcome.quantity}: {desk.take(outcome)}")
+            self._end_of_search(f"{outcome.quantity}: {desk.take(outcome)}")
         else:
-            self.say(str(outcome))
+            self._end_of_search(str(outcome))
         self._show_all()
 
     def _load(self, event) -> None:

@@ -33,6 +33,8 @@ from ..study.interface import GivenNumber, given_numbers, list_length, variable_
 
 _SOURCE = "set at the desk"
 _FIRST = ("cop", "mechanical_efficiency")
+# Designs between which a search begins, beside the machine as it stands.
+_SAMPLES = 16
 
 
 class View(NamedTuple):
@@ -294,7 +296,7 @@ class Desk:
             scale[number] = began[number] if list_length(machine, number) else 1.0
             scaled[number] = tuple(sorted(end / scale[number] for end in ends))
         design_problem = problem(machine, scaled, [name], self.options)
-        best = optimise(design_problem, starts=2, samples=16, callback=callback)
+        best = optimise(design_problem, starts=2, samples=_SAMPLES, callback=callback)
         values = {number: float(value) * scale[number] for number, value in best.values.items()}
         return Improvement(
             quantity=name,

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from .._core.errors import BadInput
-from .._core.fields import Part
+from .._core.fields import Part, names_with_value
 from .._core.files import regular
 from .._core.words import did_you_mean, hint
 from ..compressor import Compressor
@@ -36,6 +36,7 @@ from ._upgrade import check_spelling
 HEADER = ("name", "description", "source")
 
 
+@names_with_value
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scene:
     """Content of a machine file.

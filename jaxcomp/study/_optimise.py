@@ -30,7 +30,7 @@ Callback = Callable[[str, int, int], None]
 # Called with the problem, with those of the constraints, designs [SI] (n, variables) and what was solved.
 Keep = Callable[[Problem, np.ndarray, Solved], None]
 # Designs of the sample between two words on its progress.
-_AT_ONCE = 32
+_AT_ONCE = 8
 
 
 def optimise(

@@ -1,6 +1,9 @@
 """Whoever waits for the compiler or for many designs is told, on standard error and in pipes as well."""
 
+import json
 import re
+import sys
+import types
 from pathlib import Path
 
 import jax
@@ -17,6 +20,8 @@ def told(monkeypatch):
     monkeypatch.setenv("JAXCOMP_CACHE", "off")
     monkeypatch.setattr(_waits, "_AFTER", 0.2)
     monkeypatch.setattr(_waits._Compiles, "machine", "")
+    monkeypatch.setattr(_waits._Compiles, "total", "")
+    monkeypatch.setattr(_waits._Compiles, "task", "")
 
 
 def rotor(elements):
@@ -114,3 +119,74 @@ def test_a_forecast_begins_with_the_first_piece_and_leaves_out_compiling(monkeyp
         "jaxcomp: Modes: 1 of 4 speeds, 1:00 left",
         "jaxcomp: Modes: 2 of 4 speeds, 1:20 left",
     ]
+
+
+@pytest.fixture
+def remembered(told, monkeypatch, tmp_path):
+    """Where waits are remembered, and a task that begins."""
+    monkeypatch.setattr(_waits._Compiles, "folder", staticmethod(lambda: tmp_path))
+    for name in ("announced", "task", "first", "programs", "size", "loaded", "total", "before"):
+        monkeypatch.setattr(_waits._Compiles, name, getattr(_waits._Compiles, name))
+    _waits.watch_compiles("my-machine", "run")
+    return tmp_path
+
+
+def compile_programs(*sizes):
+    """As `programs` does it, without the programs."""
+    for size in sizes:
+        with _waits.compiling(size, cached=True):
+            _waits.compile_time.seconds += size / 10_000
+
+
+def test_a_wait_is_told_once_for_all_programs_by_what_they_took_before(remembered, capsys):
+    compile_programs(566_000, 1_000, 340_000, 90_000)
+    _waits.remember_waits()
+    assert len(capsys.readouterr().err.splitlines()) == 3  # nobody knows yet how many there are
+    _waits.watch_compiles("my-machine", "run")
+    compile_programs(580_000, 1_000, 340_000, 90_000)
+    assert capsys.readouterr().err.splitlines() == [
+        "jaxcomp: compiling 3 programs for the results of my-machine, about 2 min in all; "
+        "later starts are quicker"
+    ]
+    _waits.watch_compiles("my-machine", "run")
+    # another kind of machine, at the rate of this one: 1e-4 s a byte
+    compile_programs(210_000)
+    assert "compiling the results of my-machine, about 20 s" in capsys.readouterr().err
+
+
+def test_what_is_left_of_a_task_is_not_taken_for_all_of_it(remembered, capsys):
+    compile_programs(566_000, 340_000)
+    _waits.remember_waits()
+    before = (remembered / "waits.json").read_text()
+    _waits.watch_compiles("my-machine", "run")
+    capsys.readouterr()
+    _waits.count_loaded(340_000)
+    compile_programs(566_000)
+    _waits.remember_waits()
+    assert "compiling the results of my-machine, about 60 s" in capsys.readouterr().err
+    assert (remembered / "waits.json").read_text() == before
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '[["run", 1]]', '[["run", "a", 1, 1, 1]]'])
+def test_a_damaged_file_of_waits_is_none(remembered, text, capsys):
+    (remembered / "waits.json").write_text(text)
+    compile_programs(566_000)
+    assert "about 20 s" in capsys.readouterr().err
+    _waits.remember_waits()
+    assert len(json.loads((remembered / "waits.json").read_text())) == 1
+
+
+def test_a_notebook_is_told_unasked(monkeypatch, capsys):
+    monkeypatch.setenv("JAXCOMP_CACHE", "off")
+    monkeypatch.delenv("JAXCOMP_WAITS", raising=False)
+    monkeypatch.setattr(_waits._Compiles, "announced", False)
+    monkeypatch.setattr(_waits._Compiles, "folder", staticmethod(lambda: None))
+    with _waits.compiling(10**6):
+        pass
+    assert not capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "ipykernel", types.ModuleType("ipykernel"))
+    shell = types.SimpleNamespace(kernel=object())
+    monkeypatch.setattr("IPython.get_ipython", lambda: shell)
+    with _waits.compiling(10**6):
+        pass
+    assert "compiling" in capsys.readouterr().err

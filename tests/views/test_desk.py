@@ -222,7 +222,53 @@ def test_a_search_for_a_machine_that_was_put_away_changes_nothing(scene, search)
     search.append(lambda: page._load(SimpleNamespace(new=text, obj=SimpleNamespace(filename="m"))))
     page._improve(None)
     assert page.desk.values[BORE] == 0.13
-    assert not page.buttons["Improve"].loading
+    assert page.buttons["Improve"].label == "Improve"
+
+
+def test_a_search_that_is_stopped_changes_nothing_and_another_one_may_begin(scene, search):
+    page = Page(scene)
+    stopped = []
+
+    def stop():
+        stopped.append(page.buttons["Improve"].label)
+        page._improve(None)  # the same button
+        stopped.append(page.buttons["Improve"].label)
+
+    search.append(stop)
+    page._improve(None)
+    assert stopped == ["Stop searching", "Improve"]
+    assert page.desk.values[BORE] == 0.13
+    assert "stopped" in said(page)
+    search.clear()
+    page._improve(None)
+    assert page.desk.values[BORE] == 0.125
+    assert "converged" in said(page)
+
+
+def test_a_stopped_search_ends_at_its_next_design(scene, monkeypatch):
+    page = Page(scene)
+    solved = []
+
+    def endless(asked, callback=None, **_):
+        while True:
+            solved.append(1)
+            assert len(solved) < 100
+            callback("sample", len(solved), 100)
+            if len(solved) == 3:
+                page._improve(None)
+
+    monkeypatch.setattr("jaxcomp.desk._state.optimise", endless)
+    page._improve(None)
+    assert len(solved) == 4
+    assert page.buttons["Improve"].label == "Improve"
+
+
+def test_improve_without_sliders_says_what_to_do(scene):
+    page = Page(scene)
+    for name in list(page.sliders):
+        page.remove_slider(name)
+    page._improve(None)
+    assert "click on numbers first" in said(page)
 
 
 def test_where_a_slider_is_let_go_counts(scene):

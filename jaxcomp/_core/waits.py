@@ -1,0 +1,93 @@
+"""How long the programs of a task took to compile before, so that a wait is told once for all of them.
+
+A task is a command of the program, and machines of one kind are told apart by the size of the first
+program that takes long: the texts of their programs are alike. What was measured on this machine stands
+in a file beside the programs that are kept; before anything was, sizes that such tasks usually have,
+and the seconds that a byte of text takes elsewhere, stand for it.
+"""
+
+import contextlib
+import json
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+FILE = "waits.json"
+# [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
+_PER_BYTE = 4e-5
+# First programs that differ by more are those of another kind of machine.
+_ALIKE = 1.3
+# What is remembered; the oldest goes first.
+_MOST = 100
+
+
+class Wait(NamedTuple):
+    """Compiling that a task did.
+
+    Attributes:
+        task: such as "run".
+        first: [bytes] text of the first program that takes long.
+        programs: number of programs.
+        size: [bytes] text of all of them.
+        seconds: that all of them took; zero where nobody has measured.
+    """
+
+    task: str
+    first: int
+    programs: int
+    size: int
+    seconds: float = 0.0
+
+
+# Measured by `python tests/first_hour.py --waits`.
+USUAL: tuple[Wait, ...] = ()
+
+
+def earlier_waits(folder: Path | None) -> list[Wait]:
+    """Waits on this machine, the newest last; none where the file is absent or damaged."""
+    if folder is None:
+        return []
+    try:
+        rows = json.loads((folder / FILE).read_text("utf-8"))
+        waits = [Wait(str(t), int(f), int(n), int(b), float(s)) for t, f, n, b, s in rows]
+    except (OSError, ValueError, TypeError):
+        return []
+    return [wait for wait in waits if wait.size > 0 and wait.seconds > 0]
+
+
+def remember(folder: Path, wait: Wait) -> None:
+    """Keep a wait for later starts, in the place of an earlier one of the same kind."""
+    different = [earlier for earlier in earlier_waits(folder) if not _is_alike(earlier, wait)]
+    rows = [list(row) for row in [*different, wait][-_MOST:]]
+    with contextlib.suppress(OSError):  # no room, or nothing may be written
+        handle, aside = tempfile.mkstemp(".aside", dir=folder)
+        with open(handle, "w", encoding="utf-8") as file:
+            json.dump(rows, file)
+        os.replace(aside, folder / FILE)
+
+
+def seconds_of(size: int, waits: Iterable[Wait]) -> float:
+    """Seconds that programs of so many bytes take to compile, by what others took on this machine."""
+    measured = list(waits)
+    if not measured:
+        return size * _PER_BYTE
+    return size * sum(wait.seconds for wait in measured) / sum(wait.size for wait in measured)
+
+
+def expected(task: str, first: int, waits: list[Wait]) -> Wait | None:
+    """Wait of a task whose first long program has so many bytes; `None` if no such task is known."""
+    present = Wait(task, first, 1, first)
+    for earlier in reversed(waits):
+        if _is_alike(earlier, present):
+            return earlier
+    for usual in USUAL:
+        if _is_alike(usual, present):
+            return usual._replace(seconds=seconds_of(usual.size, waits))
+    return None
+
+
+def _is_alike(wait: Wait, other: Wait) -> bool:
+    ratio = wait.first / other.first
+    return wait.task == other.task and 1 / _ALIKE < ratio < _ALIKE
