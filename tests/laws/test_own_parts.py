@@ -123,12 +123,10 @@ def test_the_test_of_the_example_repository_passes(package):
 def sections_of_pages():
     """Excerpts of machine files on the pages, as changes of a bundled machine."""
     for page in OWN:
-        for code in blocks(page, "toml"):
+        for code in set(blocks(page, "toml")) - set(titled(page).values()):
             for section, table in tomllib.loads(code).items():
-                if section in ("motor", "gas") and page[len("notebooks/own-") :].startswith(
-                    (section, "valve")
-                ):
-                    yield page, section, table
+                if section in ("motor", "gas"):
+                    yield section, table
 
 
 def test_commands_know_the_package(package):
@@ -144,12 +142,11 @@ def test_commands_know_the_package(package):
 
 
 def test_excerpts_can_be_read(package):
-    bundled = {"valve": "r134a-7cc"}
     code = "import json, sys\nfrom jaxcomp import load\nfrom jaxcomp.scene import with_value\n"
     found = list(sections_of_pages())
-    assert {section for _, section, _ in found} == {"motor", "gas"}
-    for page, section, table in found:
-        machine = bundled.get(page[len("notebooks/own-") : -len(".md")], "mayekawa-wbhe")
+    assert {section for section, _ in found} == {"motor", "gas"}
+    for section, table in found:
+        machine = "mayekawa-wbhe" if "type" in table else "r134a-7cc"  # a valve of it
         for name, part in table.items() if section == "gas" and "type" not in table else ():
             code += f"with_value(load({machine!r}), 'gas.{name}', {part!r})\n"
         if "type" in table:
@@ -178,13 +175,14 @@ EXAMPLES = [
 ]
 
 
+def is_quick(page, number):
+    """Whether an example solves no machine."""
+    return "RingValve" in blocks(page, "python")[number]
+
+
 @pytest.mark.parametrize(
     ("page", "number"),
-    [
-        # the others solve a machine
-        pytest.param(*one, marks=() if "valve" in one[0] else pytest.mark.slow)
-        for one in EXAMPLES
-    ],
+    [pytest.param(*one, marks=() if is_quick(*one) else pytest.mark.slow) for one in EXAMPLES],
 )
 def test_examples_of_own_pages_run(package, page, number):
     code = blocks(page, "python")[number]
@@ -259,7 +257,7 @@ def test_a_word_in_needs_is_known(own_quantities):
 
 
 def test_the_page_lists_what_a_result_has():
-    page = (ROOT / "notebooks" / "own-quantity.md").read_text()
+    page = (ROOT / "notebooks" / "own.md").read_text()
     for word in registry.NEEDS:
         assert f"`{word}`" in page, word
     attributes = re.findall(r"^\| `(\w+)` \|", page, re.M)
