@@ -166,6 +166,76 @@ def _process(old: str, new: str, *names: str):
     return _file(old, new, *names, kind=PROCESS)
 
 
+METHANE = 'type = "real_gas"\nname = "methane"'
+
+
+def _fluid(new: str, *names: str):
+    """A mistake in the fluid of the refrigeration compressor."""
+    return _file(REAL_GAS, new, *names, kind=R290)
+
+
+def _mixture(fractions: str, *names: str):
+    """A mistake in the mass fractions of its mixture."""
+    return _fluid(f'type = "mixture"\nmass_fractions = {{ {fractions} }}', *names)
+
+
+MIXTURE_MISTAKES = {
+    "fractions of sum 1.01": _mixture("R32 = 0.7, R1234yf = 0.31", "fluid.mass_fractions", "1.01"),
+    "negative fraction": _mixture("R32 = -0.1, R1234yf = 1.1", "fluid.mass_fractions", "-0.1"),
+    "fraction that is no number": _mixture("R32 = nan, R1234yf = 0.3", "mass_fractions", "nan"),
+    "fraction above one": _mixture("R32 = 1.5, R1234yf = -0.5", "fluid.mass_fractions", "1.5"),
+    "mixture of one component": _mixture("R32 = 1.0", "fluid.components", "pure R32", "real_gas"),
+    "ammonia and water": _mixture("R717 = 0.7, R718 = 0.3", "fluid.components", "ammonia-water"),
+    "blend within a mixture": _mixture(
+        "R410A = 0.7, R1234yf = 0.3", "fluid.components", "R410A is a blend"
+    ),
+    "mass and amount together": _fluid(
+        'type = "mixture"\nmass_fractions = { R32 = 0.5, R125 = 0.5 }\n'
+        "mole_fractions = { R32 = 0.5, R125 = 0.5 }",
+        *("fluid.mole_fractions", "mass_fractions"),
+    ),
+    "suction gas beyond the range of a component": _file(
+        'superheat = "10 K"',
+        'temperature = "250 degC"',
+        *("gas.suction.temperature", "250 degC", "which R1234yf ends"),
+        kind="blend",
+    ),
+    "discharge far beyond the range of pressures": _process(
+        'pressure = "45 bar"',
+        'pressure = "20000 bar"',
+        *("gas.discharge.pressure", "20000 bar", "1.2 times", "methane"),
+    ),
+    "condensing above the end of a dew line": _file(
+        'condensing = "45 degC"',
+        'condensing = "85 degC"',
+        *("discharge.condensing", "85 degC", "end of the dew line", "give pressures"),
+        kind="blend",
+    ),
+    "suction of a blend below its dew point": _file(
+        'superheat = "10 K"',
+        'temperature = "-28 degC"',
+        *("gas.suction.temperature", "-28 degC", "dew temperature of R32/R1234yf"),
+        kind="blend",
+    ),
+    "natural gas below its dew point": _process(
+        METHANE,
+        'type = "mixture"\nmole_fractions = { methane = 0.5, R600 = 0.5 }',
+        *("gas.suction.temperature", "30 degC", "dew temperature"),
+    ),
+    "condensate in a cooler": _process(
+        f"{FLUID_OF_PROCESS}\n{METHANE}",
+        f'interstage_pressure = ["25 bar"]\n{FLUID_OF_PROCESS}\ntype = "mixture"\n'
+        "mole_fractions = { methane = 0.7, R600 = 0.3 }",
+        *("gas.later_stages.0.cooler.outlet_temperature", "40 degC", "begins to condense"),
+    ),
+    "mean temperatures of a natural gas": _process(
+        f"{FLUID_OF_PROCESS}\n{METHANE}",
+        f'reference = "mean"\n{FLUID_OF_PROCESS}\ntype = "mixture"\n'
+        "mole_fractions = { methane = 0.9, hydrogen = 0.1 }",
+        *("gas.reference", '"mean"', "condenses"),
+    ),
+}
+
 PROCESS_MISTAKES = {
     "misspelt rod": _process(
         "rod_diameter =", "rod_diamter =", "gas.crank_end.rod_diamter", '"rod_diameter"'
@@ -421,6 +491,7 @@ FILES = {
         'name = "R407C"',
         kind=R290,
     ),
+    **MIXTURE_MISTAKES,
     "unknown component": _file(
         REAL_GAS,
         'type = "mixture"\nmass_fractions = { R32 = 0.7, R1234yx = 0.3 }',

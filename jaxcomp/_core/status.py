@@ -65,6 +65,10 @@ class Status(eqx.Enumeration):
         "many times the forces that cause them and no number of nodes or iterations resolves them; lower "
         "the coefficients of friction or the tilt of the connecting rod"
     )
+    out_of_range = (
+        "the gas is hotter or denser than 1.2 times the range of its equation of state, where numbers of "
+        "it mean nothing; take a lower pressure ratio, colder suction gas or another fluid"
+    )
 
 
 # A result that cannot be relied on though every solver converged: a response without a solution, or

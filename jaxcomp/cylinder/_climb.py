@@ -15,6 +15,7 @@ from jaxtyping import Array, Int
 
 from .._core.status import raise_at_run_time
 from ._cycle import Cycle
+from ._gas_evidence import gas_evidence
 from ._options import CycleOptions, may_lack_room
 from ._several import SeveralCycles, is_solved, of_each
 
@@ -110,7 +111,8 @@ def climbed(
 def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:
     """Evidence of how far a solution came that was not found, for the message."""
     each = of_each(cycle)
-    return _evidence(options, each.valve_events, each.revolutions, each.residual)
+    words = _evidence(options, each.valve_events, each.revolutions, each.residual)
+    return "; ".join(filter(None, (gas_evidence(cycle), words)))
 
 
 def _most_events(valve_events) -> Int[np.ndarray, "2"]:

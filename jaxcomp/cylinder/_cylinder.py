@@ -13,7 +13,7 @@ from .._core.errors import BadInput
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
-from ..fluid.interface import has_dew_line
+from ..fluid.interface import FAR, has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
@@ -145,6 +145,8 @@ class Cylinder(AbstractGas):
         for limit in (*_limits(plain_values), *_dry_limits(plain_values)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
                 raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
+        if self.later_stages:
+            _check_pressures_between(self)
 
     def _check_reference(self) -> None:
         """Refuse dew points of a gas that has none, and mean temperatures without heat exchangers."""
@@ -296,7 +298,6 @@ def _check_stages(cylinder: Cylinder) -> None:
     if pressures is not None and pressures.shape != (count - 1,):
         raise BadInput("interstage_pressure", pressures, f"{count - 1}, one for each later stage")
     _check_staged_lines(cylinder)
-    _check_pressures_between(cylinder)
     for number, stage in enumerate(cylinder.later_stages):
         if (stage.crank_end is None) != (cylinder.crank_end is None):
             bound = "given in every stage or in none"
@@ -322,10 +323,28 @@ def _check_pressures_between(cylinder: Cylinder) -> None:
     between = plain_values.interstage_pressure
     if between is None or is_traced(between):
         return
+    _check_dry_coolers(plain_values)
     rises = jnp.diff(jnp.concatenate([low[None], between, high[None]]))
     if bool(jnp.any(rises <= 0)):
         bound = f"rising, > {low:.5g} Pa of the suction and < {high:.5g} Pa of the discharge line"
         raise BadInput("interstage_pressure", between, bound)
+
+
+def _check_dry_coolers(cylinder: Cylinder) -> None:
+    """That nothing condenses in the coolers: the gas behind would have another composition."""
+    fluid = cylinder.fluid
+    if not isinstance(fluid, AbstractRealGas) or cylinder.interstage_pressure is None:
+        return
+    for number, stage in enumerate(cylinder.later_stages):
+        outlet = stage.cooler.outlet_temperature
+        p = cylinder.interstage_pressure[number]
+        dew = fluid.condensation_temperature(p)
+        if any(map(is_traced, (outlet, dew))) or bool(outlet >= dew - _NEAR):
+            continue
+        where = f"later_stages.{number}.cooler.outlet_temperature"
+        degrees = f"{float(dew):.5g} K ({float(dew) - ZERO_CELSIUS:.4g} degC)"
+        bound = f"> {degrees}, at which {_name(fluid)} begins to condense at {float(p):.5g} Pa"
+        raise BadInput(where, outlet, bound)
 
 
 def _check_capacity_control(cylinder: Cylinder) -> None:
@@ -409,7 +428,7 @@ def _dew(fluid: AbstractFluid, pressure, saturated):
     """[K] Dew temperature of a line; that of a perfect gas is far below all its temperatures."""
     if saturated is not None:
         return saturated
-    return fluid.dew_temperature(pressure) if has_dew_line(fluid) else 0.0
+    return fluid.condensation_temperature(pressure) if isinstance(fluid, AbstractRealGas) else 0.0
 
 
 def _bubble(fluid: AbstractRealGas, pressure, saturated):
@@ -440,6 +459,8 @@ def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     dew = _dew(fluid, line.pressure, line.evaporating)
     heated = 0.0 if line.heating is None else line.heating
     why = f"the range of {_name(fluid)}"
+    if isinstance(fluid, Mixture):
+        why = f"{why}, which {fluid.range_ends_with} ends"
     if line.temperature is not None:
         inside = Bound(low, high - heated)
         yield _Limit("suction.temperature", line.temperature, inside, "K", why)
@@ -463,6 +484,10 @@ def _condensing_limits(cylinder: Cylinder) -> Iterator[_Limit]:
         if pressure is not None:
             inside = Bound(pressure, np.inf, low_open=True)
             why = "above the suction pressure"
+            if isinstance(fluid, AbstractRealGas):
+                inside = inside._replace(high=FAR * fluid.highest_pressure)
+                end = f"{FAR:g} times the range of the equation of state of {fluid.pressure_ends_with}"
+                why = f"{why}, up to {end}"
             yield _Limit("discharge.pressure", discharge.pressure, inside, "Pa", why)
 
 

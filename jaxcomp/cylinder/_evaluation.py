@@ -152,6 +152,8 @@ def _judged(case: Case, solution: CycleSolution, points, marching: bool) -> Cycl
     wet = jnp.any(fluid.is_wet(cycle.temperature, cycle.mass / cycle.volume))
     wet |= fluid.is_wet(case.suction.T, case.suction.rho)
     status = Status.where((status == Status.converged) & wet, Status.wet, status)
+    far = jnp.any(fluid.is_beyond_range(cycle.temperature, cycle.pressure))
+    status = Status.where((status == Status.converged) & far, Status.out_of_range, status)
     return eqx.tree_at(lambda c: c.status, cycle, status)
 
 

@@ -91,6 +91,16 @@ class AbstractFluid(Part):
     def temperature_range(self) -> tuple[float, float]:
         """[K] Where the equation of state holds."""
 
+    def is_beyond_range(self, T: Float[Array, "*n"], p: Float[Array, "*n"]) -> Bool[Array, "*n"]:
+        """Whether the gas is so far beyond its equation's range that its numbers mean nothing.
+
+        Args:
+            T: [K] temperature.
+            p: [Pa] pressure.
+        """
+        del T
+        return p < 0
+
     def is_wet(self, T: Float[Array, "*n"], rho: Float[Array, "*n"]) -> Bool[Array, "*n"]:
         """Whether the gas is denser than on the dew line, beyond the error of that curve.
 

@@ -11,6 +11,8 @@ and Appendix), Jacobians come from complex steps, which round as the values do. 
 would take longer than the program of a whole machine: here nothing is compiled.
 """
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,9 @@ from ._multi_fluid import MultiFluid
 
 _STEP = 1e-40  # of a complex step: far below rounding, so that its square is exactly lost
 _FEW = 1e-12  # mole fraction at least, as the fugacity of what is not there has no logarithm
+# The same of a first drop or bubble: of water in decane there is less than 1e-20, and Newton's method,
+# which changes a logarithm by 0.3 a step, would not get there from far.
+_FEW_AT_FIRST = 1e-60
 _SETTLED = 1e-11  # largest last change of a logarithm
 # Of the densities of both phases, difference over sum: at 0.985 of the critical temperature it is 0.4.
 _NEAR_CRITICAL = 0.3
@@ -239,15 +244,22 @@ def _misfit(model: PhaseModel, T, z, unknowns):
     return np.concatenate([balance, pressure[:, None], closure[:, None]], axis=1)
 
 
-def _jacobian(model: PhaseModel, T, z, unknowns):
+def _misfit_at_density(model: PhaseModel, log_density, z, unknowns):
+    """(b, n + 2) of a mixture with known density, whose unknowns begin with ln(T) instead."""
+    densities = np.concatenate([log_density[:, None], unknowns[:, 1:]], axis=1)
+    return _misfit(model, np.exp(unknowns[:, 0]), z, densities)
+
+
+def _jacobian(misfit: Callable[..., NDArray], inputs: Sequence[NDArray], unknowns: NDArray):
     # By complex steps: exact to rounding, where differences would lose half of the digits and a rule
-    # written out would be a second set of terms.
-    columns = []
-    for column in range(unknowns.shape[1]):
-        moved = unknowns.astype(complex)
-        moved[:, column] += 1j * _STEP
-        columns.append(np.imag(_misfit(model, T, z, moved)) / _STEP)
-    return np.stack(columns, axis=2)
+    # written out would be a second set of terms. All steps of all points are one batch: of a single
+    # point most of the time is that of calling.
+    batch, count = unknowns.shape
+    moved = np.repeat(unknowns.astype(complex), count, axis=0)
+    moved += 1j * _STEP * np.tile(np.eye(count), (batch, 1))
+    repeated = [np.repeat(column, count, axis=0) for column in inputs]
+    slopes = np.imag(misfit(*repeated, moved)) / _STEP
+    return np.swapaxes(slopes.reshape(batch, count, -1), 1, 2)
 
 
 def solved(model: PhaseModel, z, line: Line, steps: int = 40) -> tuple[Line, NDArray]:
@@ -260,10 +272,49 @@ def solved(model: PhaseModel, z, line: Line, steps: int = 40) -> tuple[Line, NDA
         steps: at most.
     """
     T, unknowns = line
-    change = np.full(T.shape, np.inf)
+    unknowns, settled = _newton(partial(_misfit, model), (T, z), unknowns, steps)
+    # two phases of one density are the trivial solution, which satisfies every equation
+    apart = np.abs(unknowns[:, 0] - unknowns[:, 1]) > 1e-3
+    return Line(T, unknowns), settled & apart
+
+
+def solved_at_density(
+    model: PhaseModel, z, log_density, line: Line, steps: int = 40
+) -> tuple[Line, NDArray]:
+    """Points of equilibrium of a mixture with known densities, whose temperatures are unknown.
+
+    Along a dew line with a retrograde part the temperature has a maximum, and the density rises.
+
+    Args:
+        model: of the mixture.
+        z: (b, n) mole fractions of the mixture.
+        log_density: (b,) of [mol/m^3].
+        line: where to begin.
+        steps: at most.
+    """
+    start = np.concatenate([np.log(line.T)[:, None], line.unknowns[:, 1:]], axis=1)
+    misfit = partial(_misfit_at_density, model)
+    found, settled = _newton(misfit, (log_density, z), start, steps)
+    unknowns = np.concatenate([log_density[:, None], found[:, 1:]], axis=1)
+    apart = np.abs(unknowns[:, 0] - unknowns[:, 1]) > 1e-3
+    return Line(np.exp(found[:, 0]), unknowns), settled & apart
+
+
+def _newton(
+    misfit: Callable[..., NDArray], inputs: Sequence[NDArray], unknowns: NDArray, steps: int
+) -> tuple[NDArray, NDArray]:
+    """Roots (b, k) of a batch of equations near a start, and (b,) whether they settled there.
+
+    Args:
+        misfit: of its inputs, each (b, ...), and of the unknowns.
+        inputs: of the equations.
+        unknowns: (b, k) where to begin.
+        steps: at most.
+    """
+    change = np.full(unknowns.shape[0], np.inf)
     for _ in range(steps):
-        value = _misfit(model, T, z, unknowns)
-        jacobian = _jacobian(model, T, z, unknowns)
+        value = misfit(*inputs, unknowns)
+        jacobian = _jacobian(misfit, inputs, unknowns)
         good = np.isfinite(jacobian).all((1, 2)) & np.isfinite(value).all(1)
         # a point that is lost must not stop the solution of all others, which go through together
         jacobian[~good] = np.eye(value.shape[1])
@@ -271,15 +322,13 @@ def solved(model: PhaseModel, z, line: Line, steps: int = 40) -> tuple[Line, NDA
         try:
             step = np.linalg.solve(jacobian, value[..., None])[..., 0]
         except np.linalg.LinAlgError:
-            return line, np.zeros(T.shape, bool)
+            return unknowns, np.zeros(unknowns.shape[0], bool)
         change = np.abs(step).max(1)
         # a step of 30 % in a density at most, so that no phase goes over into the other
         unknowns = unknowns - step * np.minimum(1.0, 0.3 / np.maximum(change, 1e-300))[:, None]
         if not (change > _SETTLED).any():
             break
-    # two phases of one density are the trivial solution, which satisfies every equation
-    apart = np.abs(unknowns[:, 0] - unknowns[:, 1]) > 1e-3
-    return Line(T, unknowns), (change < 1e3 * _SETTLED) & apart
+    return unknowns, change < 1e3 * _SETTLED
 
 
 # ------------------------------------------------------------------- the first point
@@ -334,9 +383,14 @@ def first_point(model: PhaseModel, components, T: float, z, dew: bool) -> tuple[
     else:
         pressure = (z * pure).sum()
         other = z * pure / pressure
+    return point_near(model, T, pressure, z, other, dew)
+
+
+def point_near(model: PhaseModel, T: float, pressure, z, other, dew: bool) -> tuple[Line, NDArray]:
+    """A dew or bubble point at a temperature [K] from a pressure [Pa] and the other phase's fractions."""
     densities = np.zeros(2)
     for _ in range(12):
-        other = np.maximum(other / other.sum(), _FEW)
+        other = np.maximum(other / other.sum(), _FEW_AT_FIRST)
         rows = np.stack([z, other])
         of_mixture = _density(model, T, pressure, z, liquid=not dew)
         of_other = _density(model, T, pressure, other, liquid=dew)
@@ -346,7 +400,7 @@ def first_point(model: PhaseModel, components, T: float, z, dew: bool) -> tuple[
         ratio = np.exp(phases.log_fugacity[0] - phases.log_fugacity[1])
         other = other * ratio
         pressure = pressure / other.sum() if dew else pressure * other.sum()
-    start = np.concatenate([densities, np.log(np.maximum(other / other.sum(), _FEW))])
+    start = np.concatenate([densities, np.log(np.maximum(other / other.sum(), _FEW_AT_FIRST))])
     return solved(model, z[None], Line(np.array([T]), start[None]))
 
 
@@ -430,7 +484,7 @@ def line_slopes(model: PhaseModel, mass_fractions, line: Line) -> NDArray:
         return np.stack([np.log(pressure), log_density + np.log(x @ mass)])
 
     w = np.asarray(mass_fractions, float)
-    jacobian = _jacobian(model, T, mole_fractions(w), unknowns)
+    jacobian = _jacobian(partial(_misfit, model), (T, mole_fractions(w)), unknowns)
     rows = [logarithms(unknowns[:, 0], w)]
     for component in range(w.size):
         moved = w.astype(complex)

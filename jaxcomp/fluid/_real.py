@@ -16,6 +16,8 @@ from .._core.roots import root
 from ._base import AbstractFluid, GasState, SmallSystem
 from ._helmholtz import Saturation
 
+# Of the range of an equation of state, up to which it is extrapolated.
+FAR = 1.2
 # [K] by which gas may be colder than saturation, for pressures that are given in few digits
 NEAR_SATURATION = 0.5
 # Half of the glide's slope over temperature, a few per cent, is what each leaves of the error.
@@ -48,14 +50,40 @@ class AbstractRealGas(AbstractFluid):
         """[Pa] on the dew line at that temperature."""
 
     @property
+    @abstractmethod
+    def highest_pressure(self) -> float:
+        """[Pa] Up to which the equation of state holds."""
+
+    def is_beyond_range(self, T, p):
+        _, highest = self.temperature_range
+        return (FAR * highest < T) | (FAR * self.highest_pressure < p)
+
+    @property
     def range_ends_with(self) -> str:
         """Fluid whose equation of state ends at the highest temperature: of a mixture a component."""
+        return self.name
+
+    @property
+    def pressure_ends_with(self) -> str:
+        """The same of the highest pressure."""
         return self.name
 
     @property
     @abstractmethod
     def has_glide(self) -> bool:
         """Whether dew and bubble temperature at a pressure differ, as those of a blend do."""
+
+    @property
+    def knows_dew_points(self) -> bool:
+        """Whether it is known where the gas begins to condense, so that wet gas is recognised."""
+        return self.condenses
+
+    def condensation_temperature(self, p) -> Any:
+        """[K] At which the gas begins to condense at pressures [Pa]; zero where that is not known.
+
+        That of a natural gas is the warmest dew point of all that is in it; it has no bubble points here.
+        """
+        return self.dew_temperature(p) if self.condenses else 0.0
 
     @abstractmethod
     def dew_temperature(self, p) -> Any:

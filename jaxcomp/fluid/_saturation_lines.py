@@ -30,8 +30,6 @@ from ._multi_fluid import multi_fluid
 
 # Nodes of a panel: with 16 the density of R404A near its critical point is good to 5e-7, with 24 to 1e-8.
 NODES = 24
-# Panels meet here: below, the curves are nearly straight in 1/T, above they bend to the critical point.
-_MIDDLE_T = 300.0  # [K]
 # Lines end at this share of the critical temperature: beyond, densities have an infinite slope.
 _END = 0.985
 # Mass fractions from whose multiples others are begun, and the least there: its logarithm is an unknown.
@@ -139,9 +137,9 @@ def solve_lines(
         top = _END * critical
         if top < least + 20 or any(line.T[-1] < top for line in marched):
             return None
-        middle = _MIDDLE_T
-        if not least + 20 < middle < top - 10:
-            middle = (least + top) / 2
+        # Densities have an infinite slope at the critical point, from which series on a panel suffer by
+        # its width over its distance: equal ratios of both panels.
+        middle = critical - np.sqrt((critical - least) * (critical - top))
         ends = np.array([least, middle, top])
         # (n + 1, panel, 2, nodes): value and slopes, of pressure and density
         dew, bubble = (_fitted(phases, mass_fractions, line, ends) for line in marched)

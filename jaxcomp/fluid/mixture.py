@@ -15,6 +15,7 @@ from .._core.fields import Bound, Part, is_traced, quantity, rebuilt
 from .._core.roots import root
 from ._base import SmallSystem
 from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
+from ._dew_curve import SAMPLES, DewCurve, solve_dew_curve
 from ._expanded import evaporator
 from ._helmholtz import Saturation, ideal_terms, residual_terms
 from ._multi_fluid import (
@@ -65,6 +66,7 @@ class Mixture(AbstractRealGas):
             absent: GERG-2008 where it has all components.
         estimate_pairs: whether pairs without parameters are taken by Lorentz and Berthelot's rules.
         lines: dew and bubble line of this composition, where they are known; else they are solved.
+        dew_curve: of a gas without such lines, where it is known; else it is solved.
 
     Raises:
         BadInput: an unknown component or blend, a composition that is none, or a pair without parameters.
@@ -89,6 +91,7 @@ class Mixture(AbstractRealGas):
     tables_by_name: ClassVar[tuple[str, ...]] = ("mass_fractions", "mole_fractions")
     # no entry of a file: it follows from the composition
     lines: SaturationLines | None = eqx.field(default=None, repr=False, metadata={"derived": True})
+    dew_curve: DewCurve | None = eqx.field(default=None, repr=False, metadata={"derived": True})
 
     def __init__(
         self,
@@ -99,6 +102,7 @@ class Mixture(AbstractRealGas):
         model: Model | None = None,
         estimate_pairs: bool = False,
         lines: SaturationLines | None = None,
+        dew_curve: DewCurve | None = None,
     ):
         if mass_fractions is None and mole_fractions is None:
             predefined = _blend_of(name)
@@ -129,6 +133,9 @@ class Mixture(AbstractRealGas):
             lines = stored_lines(components, composition)
         lines = lines or solve_lines(components, composition, model)
         self.lines = jax.tree.map(jnp.asarray, lines)
+        if lines is None and dew_curve is None:
+            dew_curve = solve_dew_curve(components, tuple(composition.tolist()), model)
+        self.dew_curve = jax.tree.map(jnp.asarray, dew_curve)
 
     @classmethod
     def written(cls, table: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -230,9 +237,10 @@ class Mixture(AbstractRealGas):
         new = (old * share).at[places].set(moved)
         w = new if kind == "mass_fractions" else table.mass_fractions(new)
         lines = None if self.lines is None else self._lines_at(w)
+        dew_curve = None if self.dew_curve is None else self._dew_curve_at(w)
         # a blend of ASHRAE 34 is one of its own composition
         name = "/".join(self.components or ()) if self.name in blends() else self.name
-        return rebuilt(self, mass_fractions=w, lines=lines, name=name)
+        return rebuilt(self, mass_fractions=w, lines=lines, dew_curve=dew_curve, name=name)
 
     def _lines_at(self, mass_fractions) -> SaturationLines:
         """Lines of another composition (n,), which move with it to first order."""
@@ -240,6 +248,15 @@ class Mixture(AbstractRealGas):
         like = jax.tree.map(lambda array: jax.ShapeDtypeStruct(array.shape, float), lines)
         solve = partial(_solved_beside, self.components or (), self.model or REFERENCE)
         # `SaturationLines.at` has the derivatives: those of its coefficients are beside them
+        moved = jax.lax.stop_gradient(mass_fractions)
+        if not is_traced(moved):
+            return jax.tree.map(jnp.asarray, solve(moved))
+        return jax.pure_callback(solve, like, moved, vmap_method="sequential")
+
+    def _dew_curve_at(self, mass_fractions) -> DewCurve:
+        """Dew curve of another composition (n,); it has no derivatives, as it decides what is wet."""
+        like = jax.tree.map(lambda array: jax.ShapeDtypeStruct(array.shape, float), self.dew_curve)
+        solve = partial(_dew_curve_beside, self.components or (), self.model or REFERENCE)
         moved = jax.lax.stop_gradient(mass_fractions)
         if not is_traced(moved):
             return jax.tree.map(jnp.asarray, solve(moved))
@@ -258,6 +275,11 @@ class Mixture(AbstractRealGas):
     def temperature_range(self):
         low, high, _ = self.table.limits
         return low, high
+
+    @property
+    def highest_pressure(self):
+        _, _, highest = self.table.limits
+        return highest
 
     # ------------------------------------------------------------------- states
     def state(self, T, rho):
@@ -298,6 +320,13 @@ class Mixture(AbstractRealGas):
             low, high, highest = self.table.limits
             self._require("T", T, Bound(low, high), f"K, the range of {self._limited_by(T)} in")
             why = f"Pa at {T:g} K, for gas of"
+            if self.dew_curve is not None:
+                dew = float(self.condensation_temperature(p))
+                if np.any(np.less(T, dew - NEAR_SATURATION)):
+                    bound = (
+                        f"above {dew:.5g} K, at which {self.name} begins to condense at {p:g} Pa"
+                    )
+                    raise BadInput("T", T, bound)
             if self.condenses and np.all(np.less(T, self.critical_temperature)):
                 highest = float(self.dew_pressure(np.asarray(T) + NEAR_SATURATION))
                 if np.all(np.less(p, self.critical_pressure)):
@@ -316,6 +345,10 @@ class Mixture(AbstractRealGas):
     def range_ends_with(self) -> str:
         return self.table.limited_by[1]
 
+    @property
+    def pressure_ends_with(self) -> str:
+        return self.table.limited_by[2]
+
     # ------------------------------------------------------------------- saturation
     @property
     def condenses(self) -> bool:
@@ -324,6 +357,16 @@ class Mixture(AbstractRealGas):
     @property
     def has_glide(self) -> bool:
         return True
+
+    @property
+    def knows_dew_points(self) -> bool:
+        return self.condenses or self.dew_curve is not None
+
+    def condensation_temperature(self, p):
+        if self.dew_curve is None:
+            return super().condensation_temperature(p)
+        tools = jnp if any(map(is_traced, (self.dew_curve.temperature, p))) else np
+        return self.dew_curve.temperature_at_pressure(p, tools)
 
     @property
     def _lines(self) -> SaturationLines:
@@ -455,6 +498,9 @@ class Mixture(AbstractRealGas):
         )
 
     def is_wet(self, T, rho):
+        if self.dew_curve is not None:
+            # at its density gas is wet below one temperature, also where it condenses by expanding
+            return self.dew_curve.temperature_at_density(rho / _MARGIN) > T
         if self.lines is None:
             return super().is_wet(T, rho)
         # the line of the composition that was solved: the margin covers what a tolerance moves it by
@@ -484,6 +530,18 @@ def _solved_beside(components, model, mass_fractions) -> SaturationLines:
         reference=w,
         critical=np.asarray(np.nan),
     )
+
+
+def _dew_curve_beside(components, model, mass_fractions) -> DewCurve:
+    """Dew curve of one of many compositions; that of no wet gas where there is none."""
+    w = np.asarray(mass_fractions, float)
+    curve = None
+    if np.isfinite(w).all() and (w >= 0).all():
+        curve = solve_dew_curve(components, tuple(w.tolist()), model)
+    if curve is not None:
+        return curve
+    rising = np.linspace(0.0, 1.0, SAMPLES)
+    return DewCurve(rising, np.zeros(SAMPLES), rising)
 
 
 def _blend_of(name: str) -> Blend:

@@ -67,6 +67,10 @@ class RealGas(AbstractRealGas):
         return self.data["T_least"], self.data["T_most"]
 
     @property
+    def highest_pressure(self):
+        return self.data["p_most"]
+
+    @property
     def condenses(self) -> bool:
         return True
 

@@ -357,6 +357,13 @@ def _remarks_on_range(cycle: Any) -> Iterator[str]:
     fluid = None if case is None else case.cylinder.fluid
     if not isinstance(fluid, AbstractRealGas):
         return
+    if not fluid.knows_dew_points:
+        yield f"Whether {fluid.name} condenses is not known: no dew point of it was found."
+    densest = float(jnp.max(of_each(cycle).pressure))
+    if densest > fluid.highest_pressure:
+        reached = f"The gas reaches {densest / 1e5:.4g} bar"
+        end = f"beyond {fluid.highest_pressure / 1e5:.4g} bar, up to which the equation of state of"
+        yield f"{reached}, {end} {fluid.pressure_ends_with} was fitted."
     hottest = float(jnp.max(of_each(cycle).temperature))
     _, highest = fluid.temperature_range
     if hottest > highest:

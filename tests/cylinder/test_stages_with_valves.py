@@ -1,5 +1,7 @@
 """Stages with valves: the pressure between them against an own program in time, and by differences."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -9,7 +11,8 @@ from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
-from jaxcomp import BadInput, Compressor, solve_orbit
+from jaxcomp import BadInput, Compressor, SolveFailed, solve_orbit
+from jaxcomp._core.status import Status
 from jaxcomp.crank import performance
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder import (
@@ -171,6 +174,22 @@ def test_stages_take_real_gases_and_mixtures(fluid):
 
 
 @pytest.mark.slow  # a minute of compiling
+def test_condensate_in_a_cooler_is_refused_with_its_dew_point():
+    """The pressure between the stages is found with the crank, and so is what condenses there."""
+    fluid = Mixture(mole_fractions={"methane": 0.3, "R290": 0.7})
+    with pytest.raises(SolveFailed) as failure:
+        solve_orbit(machine(cylinder(Intercooler(255.0, DROP), fluid=fluid)))
+    assert failure.value.status == Status.wet
+    words = str(failure.value)
+    assert "suction line of stage 2 gas of -18.1 °C" in words
+    assert "later_stages.0.cooler.outlet_temperature" in words
+    dew = float(re.findall(r"dew point, (-?[\d.]+) °C", words)[0])
+    pressure = 1e5 * float(re.findall(r"at ([\d.]+) bar", words)[0])
+    # both are printed with few digits
+    assert abs(float(fluid.condensation_temperature(pressure)) - 273.15 - dew) < 0.1
+
+
+@pytest.mark.slow  # a minute of compiling
 def test_bottles_and_coolers_hold_the_mean_pressure():
     """Large plenums on all sides leave flow and pressure where they are without, but for their necks."""
     wide = Plenum(0.5, 0.2, 0.3, 0.0)
@@ -193,6 +212,12 @@ def test_stages_that_do_not_go_together_are_refused_by_name():
         machine(cylinder(stage_of_cylinder=(1, 2, 2)))
     with pytest.raises(BadInput, match="interstage_pressure"):
         cylinder(interstage_pressure=jnp.array([2e5, 3e5]))
+    # propane in methane, at 5 bar: 40 % of it condense at 270 K, and none at 313 K
+    rich = Mixture(mole_fractions={"methane": 0.3, "R290": 0.7})
+    held = {"fluid": rich, "interstage_pressure": jnp.array([5e5])}
+    cylinder(**held)
+    with pytest.raises(BadInput, match=r"cooler\.outlet_temperature.*begins to condense at 5e\+05"):
+        cylinder(Intercooler(262.0, DROP), **held)
     with pytest.raises(BadInput, match="every stage or in none"):
         cylinder(crank_end=None)
     with pytest.raises(BadInput, match="later_stages"):
