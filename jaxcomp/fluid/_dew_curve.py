@@ -147,14 +147,14 @@ def _marched(phases: PhaseModel, drop: _Drop, z) -> Line | None:
             log_T = log_T + share * np.log(temperatures[-1] / temperatures[-2])
         density = np.array([points[-1][0] + step])
         guess = Line(np.exp(np.array([log_T])), start[None])
-        found, good = solved_at_density(phases, z[None], density, guess, 12)
+        point, good = solved_at_density(phases, z[None], density, guess, 12)
         # far from where it was sought, a solution belongs to another branch
-        if not good[0] or np.abs(np.log(found.T[0]) - log_T) > 0.1:
+        if not good[0] or np.abs(np.log(point.T[0]) - log_T) > 0.1:
             step /= 2
             continue
-        temperatures.append(float(found.T[0]))
-        points.append(found.unknowns[0])
-        if separation(points[-1]) < _NEAR_CRITICAL or found.T[0] > _HOTTEST:
+        temperatures.append(float(point.T[0]))
+        points.append(point.unknowns[0])
+        if separation(points[-1]) < _NEAR_CRITICAL or point.T[0] > _HOTTEST:
             break
     return Line(np.array(temperatures), np.array(points)) if len(points) > 4 else None
 
@@ -162,14 +162,14 @@ def _marched(phases: PhaseModel, drop: _Drop, z) -> Line | None:
 def _warmest(phases: PhaseModel, curves: list[Line], z) -> DewCurve:
     """The warmest of several curves over common densities, up to where its pressure is highest."""
     first = min(curve.unknowns[0, 0] for curve in curves)
-    last = max(curve.unknowns[-1, 0] for curve in curves)
-    log_density = np.linspace(first, last, SAMPLES)
+    densest = max(curve.unknowns[-1, 0] for curve in curves)
+    log_density = np.linspace(first, densest, SAMPLES)
     rows = []
     for curve in curves:
         # smooth along the density, even past the highest temperature
         spline = CubicSpline(curve.unknowns[:, 0], curve.T)
-        known = (curve.unknowns[0, 0] <= log_density) & (log_density <= curve.unknowns[-1, 0])
-        rows.append(np.where(known, spline(log_density), 0.0))
+        inside = (curve.unknowns[0, 0] <= log_density) & (log_density <= curve.unknowns[-1, 0])
+        rows.append(np.where(inside, spline(log_density), 0.0))
     T = np.max(rows, axis=0)
     fractions = np.tile(z, (T.size, 1))
     pressure = phases.phase(T, np.exp(log_density), fractions).pressure

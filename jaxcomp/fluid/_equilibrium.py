@@ -294,10 +294,10 @@ def solved_at_density(
     """
     start = np.concatenate([np.log(line.T)[:, None], line.unknowns[:, 1:]], axis=1)
     misfit = partial(_misfit_at_density, model)
-    found, settled = _newton(misfit, (log_density, z), start, steps)
-    unknowns = np.concatenate([log_density[:, None], found[:, 1:]], axis=1)
+    roots, settled = _newton(misfit, (log_density, z), start, steps)
+    unknowns = np.concatenate([log_density[:, None], roots[:, 1:]], axis=1)
     apart = np.abs(unknowns[:, 0] - unknowns[:, 1]) > 1e-3
-    return Line(np.exp(found[:, 0]), unknowns), settled & apart
+    return Line(np.exp(roots[:, 0]), unknowns), settled & apart
 
 
 def _newton(

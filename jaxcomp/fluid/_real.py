@@ -65,7 +65,7 @@ class AbstractRealGas(AbstractFluid):
 
     @property
     def pressure_ends_with(self) -> str:
-        """The same of the highest pressure."""
+        """Fluid whose equation of state ends at the highest pressure."""
         return self.name
 
     @property
@@ -75,7 +75,7 @@ class AbstractRealGas(AbstractFluid):
 
     @property
     def knows_dew_points(self) -> bool:
-        """Whether it is known where the gas begins to condense, so that wet gas is recognised."""
+        """True where dew points are known, so that wet gas is recognised."""
         return self.condenses
 
     def condensation_temperature(self, p) -> Any:

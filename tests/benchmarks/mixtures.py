@@ -1,0 +1,108 @@
+"""What a mixture costs beside a pure fluid: first and warm call of the cycle of a cylinder with valves.
+
+    python tests/benchmarks/mixtures.py [R134a R454B R404A R448A gas]
+
+Seconds and milliseconds of the processor, so that other work on the machine hardly counts, and factors to
+R134a. A refrigerant works between -10 and 45 degC with 10 K of superheat, `gas` (methane and seven others by
+GERG-2008) between 3 and 8 bar. One size of the program serves all.
+"""
+
+import dataclasses as dc
+import sys
+import time
+
+import equinox as eqx
+import jax
+
+from jaxcomp import load
+from jaxcomp.cylinder import Cylinder, solve_cycle
+from jaxcomp.fluid import AbstractFluid, Mixture, RealGas
+from jaxcomp.fluid.interface import fluid_named
+
+SPEED = 309.0  # [rad/s]
+WARM_CALLS = 5
+REFERENCE = "R134a"
+NAMES = (REFERENCE, "R454B", "R404A", "R448A", "gas")
+GAS = {
+    "methane": 0.85,
+    "R170": 0.06,
+    "R290": 0.02,
+    "R600": 0.005,
+    "R600a": 0.005,
+    "nitrogen": 0.03,
+    "R744": 0.02,
+    "hydrogen": 0.01,
+}
+
+
+def fluid_of(name: str) -> AbstractFluid:
+    """A fluid by its name, or the natural gas."""
+    return Mixture(mole_fractions=GAS) if name == "gas" else fluid_named(name)
+
+
+def term_count(fluid: AbstractFluid) -> int:
+    """Number of rows of a fluid's residual energy."""
+    if isinstance(fluid, Mixture):
+        return sum(len(rows) for rows in fluid.table.residual.values())
+    assert isinstance(fluid, RealGas)
+    return sum(len(rows) for rows in fluid.data["residual"].values())
+
+
+def cylinder_of(cylinder: Cylinder, fluid: AbstractFluid, name: str) -> Cylinder:
+    """The gas side between the lines that suit the fluid."""
+    suction = {"pressure": 3e5, "temperature": 303.15, "evaporating": None, "superheat": None}
+    discharge = {"pressure": 8e5, "condensing": None, "subcooling": None}
+    if name != "gas":
+        suction = {"pressure": None, "temperature": None, "evaporating": 263.15, "superheat": 10.0}
+        discharge = {"pressure": None, "condensing": 318.15, "subcooling": 0.0}
+    return dc.replace(
+        cylinder,
+        fluid=fluid,
+        suction=dc.replace(cylinder.suction, **suction),
+        discharge=dc.replace(cylinder.discharge, liquid_temperature=None, **discharge),
+    )
+
+
+def timed(function, *inputs) -> float:
+    """[s] of the processor."""
+    start = time.process_time()
+    jax.block_until_ready(function(*inputs))
+    return time.process_time() - start
+
+
+def costs(name: str) -> tuple[float, float, bool]:
+    """[s], [s] of the processor for the first and for a warm call, and whether the cycle was found."""
+    machine = load("r134a-7cc").as_compressor()
+    cylinder = cylinder_of(machine.gas, fluid_of(name), name)
+
+    @eqx.filter_jit
+    def numbers(cylinder):
+        cycle = solve_cycle(cylinder, machine.mechanism, SPEED, throw=False)
+        return cycle.indicated_work, cycle.mass_flow, cycle.converged
+
+    jax.clear_caches()
+    first = timed(numbers, cylinder)
+    warm = min(timed(numbers, cylinder) for _ in range(WARM_CALLS))
+    return first, warm, bool(numbers(cylinder)[-1])
+
+
+def main() -> None:
+    """Print the table."""
+    names = sys.argv[1:] or NAMES
+    costs(REFERENCE)  # what starts with the first program of a process
+    reference = costs(REFERENCE)
+    print("| fluid | components | terms | first, s | times | warm, ms | times | found |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in names:
+        fluid = fluid_of(name)
+        first, warm, found = reference if name == REFERENCE else costs(name)
+        components = len(getattr(fluid, "components", None) or (name,))
+        print(
+            f"| {name} | {components} | {term_count(fluid)} | {first:.1f} | {first / reference[0]:.2f} "
+            f"| {1e3 * warm:.1f} | {warm / reference[1]:.2f} | {found} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
