@@ -27,9 +27,8 @@ def amarillo() -> Mixture:
 
 def is_wet(fluid: Mixture, T: float, p: float) -> bool:
     """Of a gas that is sought from thin to dense, be it metastable."""
-    T, p = jnp.asarray(T), jnp.asarray(p)
     rho = jax.jit(lambda T, p: fluid.density(T, p))(T, p)
-    return bool(fluid.is_wet(T, rho))
+    return bool(fluid.is_wet(jnp.asarray(T), rho))
 
 
 def test_a_natural_gas_has_its_retrograde_dew_curve(amarillo):

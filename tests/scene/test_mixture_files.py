@@ -70,12 +70,16 @@ def test_gas_beyond_the_range_of_a_component_gets_a_remark():
     class Hot:
         case = Case
         temperature = np.array([300.0, 431.0])
+        pressure = np.array([1e5, 4e5])
 
     (remark,) = _remarks_on_range(Hot)
     assert "158 °C, beyond 137 °C" in remark
     assert "R1234yf" in remark
     Hot.temperature = np.array([300.0, 409.0])
     assert not list(_remarks_on_range(Hot))
+    Hot.pressure = np.array([1e5, 4e7])
+    (remark,) = _remarks_on_range(Hot)
+    assert "400 bar, beyond 300 bar" in remark
 
 
 def test_a_template_with_a_blend_is_valid(tmp_path):
