@@ -77,9 +77,9 @@ def test_gas_beyond_the_range_of_a_component_gets_a_remark():
     assert "R1234yf" in remark
     Hot.temperature = np.array([300.0, 409.0])
     assert not list(_remarks_on_range(Hot))
-    Hot.pressure = np.array([1e5, 4e7])
+    Hot.pressure = np.array([1e5, 8e7])
     (remark,) = _remarks_on_range(Hot)
-    assert "400 bar, beyond 300 bar" in remark
+    assert "800 bar, beyond 700 bar" in remark
 
 
 def test_a_template_with_a_blend_is_valid(tmp_path):
