@@ -1,8 +1,9 @@
-"""A newcomer's first hour: mistakes, each with what a good answer names, and twelve tasks.
+"""A newcomer's first hour: mistakes, each with what a good answer names, and sixteen tasks.
 
     python tests/first_hour.py             # every mistake, answered well or not
     python tests/first_hour.py --tasks     # times of each task, at the first and at the second start,
-                                           # on the clock and of the processors
+                                           # on the clock and of the processors, and the rows of
+                                           # `jaxcomp._core.waits.USUAL` that follow
 
 An answer is good if the mistake is refused (or, where it may be meant, pointed at), without a
 traceback, in a few lines that name the entry, its value, and what it must be or what to write.
@@ -29,6 +30,7 @@ from typer.testing import CliRunner
 
 import jaxcomp as jc
 from jaxcomp._core import registry
+from jaxcomp._core.waits import Wait, earlier_waits
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError, start
 from jaxcomp.study.tolerance import within
@@ -1050,12 +1052,25 @@ TASKS: dict[str, tuple[str, ...]] = {
         "jaxcomp new fridge.toml --kind refrigeration --force",
         "jaxcomp map fridge.toml --evaporating -30:-10:3 --condensing 40:50:2",
     ),
+    "identify": (
+        "jaxcomp identify hermetic-68cc --data modes.csv --vary rotor.shafts.3.young_modulus",
+    ),
+    "balance": ("jaxcomp balance --measured runs.csv",),
+    "bearing": (
+        "jaxcomp bearing --length 20mm --diameter 40mm --clearance 30um --viscosity 10mPa*s"
+        " --speed 3000rpm --load 2kN",
+    ),
     "value and gradient": ("python value.py",),
     "save and load": ("python keep.py",),
     "law of one's own": ("python law.py",),
     "desk": ("python desk.py",),
 }
 SCRIPTS = {
+    "modes.csv": "mode,frequency [Hz]\n1,1318.0\n2,2989.2\n3,5438.0\n",
+    "runs.csv": "run,target,speed [rpm],amplitude [um],phase [deg],trial [g mm],angle [deg]\n"
+    "initial,A,1490,7.2,238,,\ninitial,B,1490,13.5,294,,\n"
+    "drive end,A,1490,4.9,114,7500,270\ndrive end,B,1490,9.2,347,7500,270\n"
+    "free end,A,1490,4.0,79,7500,180\nfree end,B,1490,12.0,292,7500,180\n",
     "value.py": """
 import jax
 import jaxcomp
@@ -1233,8 +1248,13 @@ def answers(
             yield name, seen, wrong or ("took too long" if taken > WAIT else ""), taken
 
 
-def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, list[float], str]]:
-    """Name, seconds of clock and processors at either start, and what went wrong, of each task."""
+def times(
+    tasks: dict[str, tuple[str, ...]], waits: list[Wait]
+) -> Iterator[tuple[str, list[float], str]]:
+    """Name, seconds of clock and processors at either start, and what went wrong, of each task.
+
+    `waits` takes how long programs of the commands compiled.
+    """
     with tempfile.TemporaryDirectory() as folder:
         for name, script in SCRIPTS.items():
             (Path(folder) / name).write_text(script)
@@ -1260,6 +1280,7 @@ def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, list[float],
                     wrong = f"{wrong}{done.stderr[-2000:]}" if done.returncode else wrong
                 taken += [time.perf_counter() - begun, _worked() - worked]
             yield name, taken, wrong
+        waits += earlier_waits(Path(environment["JAXCOMP_CACHE"]))
 
 
 def _worked() -> float:
@@ -1278,10 +1299,13 @@ def main() -> int:
         failed = 0
         print("| task | first start | of the processors | second start | of the processors |")
         print("|---|---|---|---|---|")
-        for name, taken, wrong in times(TASKS):
+        waits: list[Wait] = []
+        for name, taken, wrong in times(TASKS, waits):
             failed += bool(wrong)
             cells = " | ".join(f"{one:.1f} s" for one in taken)
             print(f"| {name} | {cells} |{wrong and f' {wrong}'}", flush=True)
+        for wait in waits:
+            print(f"    {wait._replace(seconds=0.0)},  # {wait.seconds:.0f} s here")
         return bool(failed)
     chosen = {n: m for n, m in MISTAKES.items() if (options.show or "") in n}
     bad, begun = 0, time.perf_counter()

@@ -41,7 +41,7 @@ class Wait(NamedTuple):
     seconds: float = 0.0
 
 
-# Measured by `python tests/first_hour.py --waits`.
+# Measured by `python tests/first_hour.py --tasks`.
 USUAL: tuple[Wait, ...] = ()
 
 

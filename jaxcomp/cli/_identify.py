@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, product
@@ -235,6 +236,8 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
     for quantity in identification.quantities:
         measured = identification.measured[identification.of(quantity)]
         looks[quantity] = shown(quantity, identification.kinds[quantity].unit, measured)
+        if quantity == "frequency":  # of a mode, which nobody gives in rpm
+            looks[quantity] = Shown("Frequency", "Hz", 1 / (2 * math.pi))
         if measured.size <= _MOST:
             yield _readings(identification, quantity, looks[quantity])
     for quantity, look in looks.items():

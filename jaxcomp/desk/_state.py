@@ -3,7 +3,6 @@ r"""What stands on the desk: a machine whose numbers move, its results, gains an
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._core.display import Shown, shown
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.registry import Quantity, offered_values
 from .._core.status import Status
 from ..balancing import least_squares
@@ -356,7 +356,7 @@ class Desk:
         return view._replace(status="not solved" if status is None else Status[status])
 
 
-@eqx.filter_jit
+@kept_jit
 def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: AnalysisOptions):
     """The view of a machine, without its status in words, and what that is."""
     result = DesignResult(machine, options)

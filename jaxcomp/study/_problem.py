@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._core.arguments import listed_names
 from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
+from .._core.exported import kept_jit
 from .._core.results import Data, with_unit
 from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
@@ -362,7 +363,7 @@ def _in_batches(problem: Problem, rows, batch: int) -> list[Array]:
     return [jnp.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-@eqx.filter_jit
+@kept_jit
 def _answers(problem: Problem, points):
     # diffrax's checkpoints run backwards only
     backwards = getattr(problem.options.solver, "name", "") == "shooting"

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from .._core.arguments import listed_names
 from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.results import Data, Result
 from ..crank import Collocation
 from ..crank.interface import default_collocation
@@ -370,7 +371,7 @@ def _solved_in_size(problem: Problem) -> tuple[_Solution, Problem]:
     return reached
 
 
-@eqx.filter_jit
+@kept_jit
 def _solved(problem: Problem) -> _Solution:
     moving, fixed = eqx.partition(problem.design, eqx.is_inexact_array)
 

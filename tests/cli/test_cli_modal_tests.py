@@ -50,6 +50,13 @@ def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
     assert (out / "report.html").exists()
 
 
+def test_frequencies_are_shown_in_hertz(modal_test):
+    answer = run(modal_test, "--vary", "rotor.shafts.3.young_modulus=0.5:2")
+    assert "Frequency, Hz" in answer.output
+    hertz = float(modal_test.read_text().splitlines()[1].partition(",")[2])
+    assert f"{hertz:.5g}" in answer.output
+
+
 def test_the_same_from_python(modal_test, tmp_path):
     scene = load("hermetic-68cc")
     test = read_measurement(modal_test, scene.machine)
