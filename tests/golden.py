@@ -28,7 +28,7 @@ MACHINES = {
     "mayekawa-4wbhe": None,
     "two-stage-crosshead": Collocation(reversals=0, nodes=12),
 }
-WITH_VALVES = ("r134a-7cc",)
+WITH_VALVES = ("r134a-7cc", "process-two-stage")
 RESULTS = ("mechanical_efficiency", "speed_fluctuation", "motor_power")
 # The speed of an in-line twin has two equal maxima: which of them a derivative follows is rounding.
 SYMMETRIC = ("refrigeration-twin",)
@@ -42,6 +42,8 @@ def values_of(name: str) -> dict[str, float]:
     found |= {f"peak_forces.{key}": value for key, value in orbit.peak_forces.items()}
     if orbit.cycle is not None:
         found |= {"mass_flow": orbit.cycle.mass_flow}
+        pressures = getattr(orbit.cycle, "pressure_behind_stages", {})
+        found |= {f"interstage_pressures.{number}": value for number, value in pressures.items()}
     return {key: float(value) for key, value in found.items()}
 
 

@@ -5,6 +5,8 @@ without the version of its interface, and the program does not compile: "No regi
 untyped custom call to lapack_dgetrf_ffi".
 """
 
+from functools import partial
+
 import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
@@ -39,3 +41,41 @@ def solve_small(
     return jnp.take_along_axis(
         augmented[..., size:], jnp.moveaxis(order, 0, -1)[..., None], axis=-2
     )
+
+
+# Rows of a matrix from which substitution within the program is taken. BLAS shares such a solution out
+# among threads, and these wait for each other for longer than they work: 160 systems of 128 rows and 18
+# right-hand sides take 0.03 s on one thread, 0.07 to 0.3 s on two, and 0.06 s by substitution; 128
+# systems of 48 rows 0.003 s and 0.006 s.
+_ROWS_OF_SUBSTITUTION = 96
+
+
+def solve_triangles(
+    factors: Float[Array, "*n s s"], right: Float[Array, "*n s k"]
+) -> Float[Array, "*n s k"]:
+    """Solutions by the factors L and U of matrices, in one array, of right-hand sides in their order.
+
+    Args:
+        factors: as `lax.linalg.lu` gives them.
+        right: right-hand sides, with rows in the order of the pivots.
+    """
+    rows = factors.shape[-1]
+    if rows < _ROWS_OF_SUBSTITUTION or right.shape[-1] == 1:
+        options = {"left_side": True, "lower": True, "unit_diagonal": True}
+        half = lax.linalg.triangular_solve(factors, right, **options)
+        return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)
+    places = jnp.arange(rows)
+
+    def substitute(solution, row, above):
+        """The solution with one more row, by the rows above it or below it."""
+        coefficients = lax.dynamic_index_in_dim(factors, row, -2, keepdims=False)
+        known = places < row if above else places > row
+        taken = jnp.where(known, coefficients, 0.0)
+        value = lax.dynamic_index_in_dim(solution, row, -2, keepdims=False)
+        value = value - jnp.sum(taken[..., None] * solution, axis=-2)
+        if not above:
+            value = value / lax.dynamic_index_in_dim(coefficients, row, -1)
+        return lax.dynamic_update_index_in_dim(solution, value, row, right.ndim - 2), None
+
+    half, _ = lax.scan(partial(substitute, above=True), right, places)
+    return lax.scan(partial(substitute, above=False), half, places, reverse=True)[0]

@@ -150,9 +150,9 @@ def identify(
         scene, bounds, priors = _by_recipe(scene, data_sets)
     priors |= _priors(scene, prior)
     held_out = split.held_out(data_sets, seed)
-    prediction_points = None
+    prediction_points = []
     if predict is not None:
-        prediction_points = polynomials.read([predict], scene, method)[0]
+        prediction_points = polynomials.read([predict], scene, method)
     options = {"sd": _deviations(data_sets, sd), "hold_out": held_out}
     options |= {"loss": loss, "starts": starts, "seed": seed}
     identification, prediction = _identified(
@@ -167,7 +167,7 @@ def identify(
     def tables(_) -> Iterator[Any]:
         yield from identification_tables(identification, scene.name)
         if prediction is not None:
-            yield from prediction_tables(*prediction)
+            yield from prediction_tables(prediction)
 
     output.emit(
         identification,
@@ -202,9 +202,7 @@ def _identified(
 
         options |= {"progress": progress, "keep": keep}
         identification = jc.study.identify(scene, data_sets, bounds, priors, **options)
-        prediction = (
-            None if prediction_points is None else identification.predict(prediction_points)
-        )
+        prediction = identification.predict(*prediction_points) if prediction_points else None
     partial.finish()
     return identification, prediction
 
@@ -289,13 +287,15 @@ def _error(value: float, unit: str, relative: bool, look) -> str:
     return f"{value * look.factor:+.3g}"
 
 
-def prediction_tables(entries, prediction) -> Iterator[Any]:
+def prediction_tables(predicted) -> Iterator[Any]:
     """Predictions with their intervals."""
+    entries, prediction = predicted
+    points = predicted.points
     rows = []
     for n, name in enumerate(entries.quantity):
         look = shown(name, entries.kinds[name].unit, prediction.value[n : n + 1])
         cells = (look.number(prediction.value[n]), look.difference(prediction.inflated[n]))
-        rows.append((entries.names[n], look.label, *cells))
+        rows.append((points[n], look.label, *cells))
     yield row_table("Predicted", ("Point", "Quantity", "Value", "95 %, +-"), rows, texts=2)
 
 

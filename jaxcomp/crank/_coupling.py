@@ -239,14 +239,29 @@ def _seeks_pressures(compressor: Compressor) -> bool:
 def _between_after(cycle, between: Float[Array, " s"]) -> Float[Array, " s"]:
     """Logarithms of the pressures between stages after a revolution at others.
 
-    A stage draws about in proportion to the pressure before it: the pressure rises by the share by which
-    the stage before delivers more. Where a stage delivers nothing the pressure goes on as far as a factor
-    of two.
+    A step of Newton's method for equal flows of all stages, whose slopes are estimated. Where a stage
+    delivers nothing a pressure goes on as far as a factor of two.
     """
     flow = cycle.flow_of_stages
     least = 1e-9 * jnp.max(cycle.each.case.mass_scale)
-    change = jnp.diff(-jnp.log(jnp.maximum(flow, least)))
-    return between + jnp.clip(change, -jnp.log(2.0), jnp.log(2.0))
+    excess = -jnp.diff(jnp.log(jnp.maximum(flow, least)))
+    slopes = lax.stop_gradient(_slopes_between(cycle))
+    # What a step may change is bounded before the slopes share it out, and the change after it.
+    change = jnp.linalg.solve(slopes, jnp.clip(excess, -jnp.log(4.0), jnp.log(4.0)))
+    return between - jnp.clip(change, -jnp.log(2.0), jnp.log(2.0))
+
+
+def _slopes_between(cycle) -> Float[Array, "s s"]:
+    """Slopes of the logarithm of a stage's flow over that of the next, by those of the pressures.
+
+    A stage draws in proportion to the pressure before it, and less by the share that the gas in its
+    clearance takes up again. Without that share a step overshot by 0.7 on a machine with 15 % clearance.
+    """
+    shares = cycle.reexpansion_of_stages
+    own = -(1 + shares[:-1] + shares[1:])
+    before = 1 + shares[1:-1]
+    behind = shares[1:-1]
+    return jnp.diag(own) + jnp.diag(before, -1) + jnp.diag(behind, 1)
 
 
 def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise) -> Motion:

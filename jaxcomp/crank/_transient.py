@@ -98,7 +98,7 @@ class Transient(Result, eqx.Module):
         gas_readings = {}
         if gas is not None:
             gas_readings = {
-                "delivered_mass": np.sum(gas.totals.discharge),
+                "delivered_mass": gas.delivered,
                 "highest_pressure": np.max(gas.pressure),
                 "highest_temperature": np.max(gas.temperature),
             }
@@ -334,10 +334,9 @@ def _of_gas(gas: GasCourse, at) -> Iterator[Data]:
     for number, pressure in enumerate(plenums, 1):
         yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
     gas = dataclasses.replace(gas, plenum_pressure=None)
-    count = gas.pressure.shape[0]
-    for number in range(count):
+    for number, name in enumerate(gas.names):
         in_cylinder = jax.tree.map(lambda leaf, number=number: leaf[number], gas)
-        end = f".{number + 1}" if count > 1 else ""
+        end = f".{name}" if name else ""
         yield Data(f"pressure{end}", "Pa", in_cylinder.pressure, at)
         yield Data(f"temperature{end}", "K", in_cylinder.temperature, at)
         yield Data(f"mass{end}", "kg", in_cylinder.mass, at)

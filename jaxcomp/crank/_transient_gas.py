@@ -13,10 +13,12 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from .._core.each import stacked
+from .._core.errors import BadInput
 from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants, mechanisms_of
@@ -33,8 +35,10 @@ from ..cylinder.interface import (
     Stretch,
     account_scales,
     chains,
+    ends_of,
     first_states,
-    one_end,
+    grouping,
+    has_ends,
     prepare,
     stretch,
     temperature_and_density,
@@ -71,8 +75,40 @@ class HeldPressure(AbstractGas):
         return self.value + 0 * stroke.angle
 
 
+class HeldEnds(AbstractGas):
+    """Pressures on both sides of a piston that something else decides, at one instant.
+
+    Args:
+        head_end: [Pa] in the head end of each cylinder.
+        crank_end: [Pa] in its crank end.
+        rod_diameter: [m] of its piston rod.
+        ambient_pressure: [Pa] on the rod's other end.
+    """
+
+    in_files: ClassVar[bool] = False
+    for_each_cylinder: ClassVar[bool] = True
+
+    head_end: Float[Array, ""] = quantity("Pa", ANY)
+    crank_end: Float[Array, ""] = quantity("Pa", ANY)
+    rod_diameter: Float[Array, ""] = quantity("m", ANY)
+    ambient_pressure: Float[Array, ""] = quantity("Pa", ANY)
+
+    @property
+    def behind_piston(self):
+        return self.ambient_pressure
+
+    def pressure(self, stroke):
+        """[Pa] In the head end."""
+        return self.head_end + 0 * stroke.angle
+
+    def on_piston(self, stroke, area):
+        head = self.pressure(stroke)
+        rod = jnp.pi / 4 * self.rod_diameter**2 / area
+        return head, head - (1 - rod) * self.crank_end - rod * self.ambient_pressure
+
+
 class GasCourse(eqx.Module):
-    """The gas in k cylinders over time.
+    """The gas in k cylinders over time, or in the k ends of double-acting ones, head before crank end.
 
     Attributes:
         pressure: [Pa] (k, n)
@@ -92,6 +128,26 @@ class GasCourse(eqx.Module):
     flow: Float[Array, "k 2 n"]
     totals: Accounts
     plenum_pressure: Float[Array, "p n"] | None = None
+    sides: int = eqx.field(static=True, default=1)
+    stages: tuple[int, ...] = eqx.field(static=True, default=())
+
+    @property
+    def names(self) -> list[str]:
+        """Name of each of the k, by its cylinder and end; empty of a single one."""
+        count = self.pressure.shape[0]
+        if count == 1:
+            return [""]
+        if self.sides == 1:
+            return [str(number + 1) for number in range(count)]
+        ends = ("head", "crank")
+        return [f"{number // 2 + 1}.{ends[number % 2]}" for number in range(count)]
+
+    @property
+    def delivered(self) -> Float[Array, ""]:
+        """[kg] since the start, of several stages by the last."""
+        last = max(self.stages, default=1)
+        ends = np.flatnonzero(np.array(self.stages or (1,) * self.pressure.shape[0]) == last)
+        return jnp.sum(self.totals.discharge[ends])
 
 
 class DenseSteps(eqx.Module):
@@ -206,7 +262,13 @@ class CrankAndGas(AbstractLaw):
         values, of_plenums, rise = jax.lax.map(instant, (at, flags), batch_size=64)
         totals = marched.state[self.state_size :].reshape(system.count, -1)
         totals = Accounts(*(totals * system.each(account_scales)).T)
-        course = GasCourse(*(jnp.moveaxis(value, 0, -1) for value in values), totals=totals)
+        gas: Any = self.compressor.gas
+        sides = 1 if gas.crank_end is None else 2
+        stages = ()
+        if gas.later_stages:
+            stages = tuple(stage for stage in gas.stages for _ in range(sides))
+        courses = (jnp.moveaxis(value, 0, -1) for value in values)
+        course = GasCourse(*courses, totals=totals, sides=sides, stages=stages)
         if some:
             course = dataclasses.replace(course, plenum_pressure=of_plenums.T)
         return course, rise
@@ -284,9 +346,21 @@ def _crank(compressor: Compressor, at, pressure, motor_on):
 def _system(compressor: Compressor) -> Cylinders:
     gas: Any = compressor.gas
     assert isinstance(gas, Cylinder)
-    one_end(gas)
     mechanisms = mechanisms_of(compressor)
+    phase = compressor.crankshaft.distinct_phase
     speed = compressor.motor.speed_guess
+    if has_ends(gas):
+        _check_lines_between(gas)
+        ends = ends_of(gas, mechanisms, phase)
+
+        def case_of_end(gas_side, piston):
+            return prepare(gas_side, piston, speed)
+
+        if ends.phase.size > 1:
+            cases = jax.vmap(case_of_end)(ends.cylinders, ends.pistons)
+        else:
+            cases = case_of_end(*jax.tree.map(lambda x: x[0], (ends.cylinders, ends.pistons)))
+        return Cylinders(cases, ends.phase, in_time=True)
 
     def case_of(mechanism):
         return prepare(gas, mechanism, speed)
@@ -295,16 +369,43 @@ def _system(compressor: Compressor) -> Cylinders:
     # the law of a single cylinder has no axis of cylinders
     if len(mechanisms) > 1:
         cases = jax.vmap(case_of)(stacked(mechanisms))
-    return Cylinders(cases, compressor.crankshaft.distinct_phase, in_time=True)
+    return Cylinders(cases, phase, in_time=True)
+
+
+def _check_lines_between(gas: Cylinder) -> None:
+    """That the lines between stages have a pressure which a run in time leaves as it is."""
+    if not gas.later_stages:
+        return
+    if gas.interstage_pressure is None:
+        bound = (
+            "given for a run in time, which holds the pressures between stages as large bottles would: "
+            "`jaxcomp run` finds those of the periodic state"
+        )
+        raise BadInput("gas.interstage_pressure", "absent", bound)
+    for number, stage in enumerate(gas.later_stages):
+        if stage.cooler.before or stage.cooler.behind:
+            bound = "without bottles in a run in time, which holds the pressures between stages"
+            raise BadInput(f"gas.later_stages.{number}.cooler", "with plenums", bound)
 
 
 def _held(compressor: Compressor, pressure=None) -> Compressor:
     """The compressor with given pressures in its cylinders, (k,); those of the suction line if absent."""
     gas: Any = compressor.gas
+    count = compressor.crankshaft.count
     behind = gas.behind_piston
     if pressure is None:
-        pressure = jnp.full(compressor.crankshaft.count, behind)
-    return replaced(compressor, gas=HeldPressure(pressure, behind))
+        pressure = jnp.full(grouping(gas, count).ends, behind)
+    if gas.crank_end is None:
+        return replaced(compressor, gas=HeldPressure(pressure, behind))
+    stages = gas.stages if gas.later_stages else (1,) * count
+    crank_ends = [gas.stage(number).crank_end for number in stages]
+    held = HeldEnds(
+        head_end=pressure[0::2],
+        crank_end=pressure[1::2],
+        rod_diameter=jnp.stack([end.rod_diameter for end in crank_ends]),
+        ambient_pressure=jnp.stack([end.ambient_pressure for end in crank_ends]),
+    )
+    return replaced(compressor, gas=held)
 
 
 def _at_suction(case: Case, angle) -> Float[Array, " 8"]:

@@ -16,6 +16,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.elimination import solve_triangles
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._balance import FLAGS, FREE
@@ -154,9 +155,7 @@ class Factors(NamedTuple):
 def solve_stages(stages: tuple[Array, Array], right_side):
     factors, order = stages
     shuffled = jnp.take_along_axis(right_side, order[:, :, None], axis=1)
-    options = {"left_side": True, "lower": True, "unit_diagonal": True}
-    half = lax.linalg.triangular_solve(factors, shuffled, **options)
-    return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)
+    return solve_triangles(factors, shuffled)
 
 
 def factorise(blocks: Blocks) -> Factors:

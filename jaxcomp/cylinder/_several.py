@@ -136,6 +136,31 @@ class SeveralCycles(Result, eqx.Module):
         return jnp.stack(flows)
 
     @property
+    def reexpansion_of_stages(self) -> Float[Array, " s"]:
+        r"""[-] Share of its flow by which a stage draws less where its pressure ratio rises by its share.
+
+        Estimated by the isentropic expansion of the gas in the clearance of the ends that deliver: of a
+        volume $c\,r^{1/n}$, the slope over $\ln r$ is its n-th part.
+        """
+        case = self.each.case
+        density_ratio = case.discharge.rho / case.suction.rho
+        rise = jnp.log(case.discharge.p / case.suction.p)
+        # an iteration may pass a stage without compression, of which the estimate means nothing
+        per_exponent = jnp.log(density_ratio) / jnp.where(rise > 0, rise, 1.0)
+        delivered = self.each.totals.discharge
+        delivers = delivered > 1e-6 * case.mass_scale
+        slope = case.cylinder.clearance_ratio * density_ratio * per_exponent
+        taken_up = jnp.where(delivers, slope * case.mass_scale, 0.0)
+        shares = []
+        for number in range(1, max(self.stages) + 1):
+            ends = self.of_stage(number)
+            flow = jnp.sum(delivered[ends])
+            share = jnp.sum(taken_up[ends]) / jnp.where(flow > 0, flow, 1.0)
+            # of a stage that hardly delivers the estimate means nothing
+            shares.append(jnp.clip(share, 0.0, 2.0))
+        return jnp.stack(shares)
+
+    @property
     def interstage_pressures(self) -> Float[Array, " s"]:
         """[Pa] In the suction line of every later stage."""
         line = self.each.case.suction.p

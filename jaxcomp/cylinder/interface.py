@@ -21,8 +21,9 @@ from ._cylinder import prepare as prepare
 from ._ends import Ends as Ends
 from ._ends import check_settings as check_settings
 from ._ends import ends_of as ends_of
+from ._ends import grouping as grouping
 from ._ends import guessed_pressures as guessed_pressures
-from ._ends import one_end as one_end
+from ._ends import has_ends as has_ends
 from ._ends import options_of as options_of
 from ._ends import phase_of_ends as phase_of_ends
 from ._ends import with_settings as with_settings

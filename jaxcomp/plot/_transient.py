@@ -73,8 +73,11 @@ def transient_gas_figure(transient: Transient, name: str, power_off: float | Non
     at_end = angle >= angle[-1] - 8 * np.pi  # four revolutions, or what there is
     time = np.asarray(transient.time)[at_end]
     figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
-    for number, course in enumerate(np.atleast_2d(gas.pressure) / 1e6, 1):
-        close.plot(time, course[at_end], linewidth=1.2, label=f"Cylinder {number}")
+    courses = np.atleast_2d(gas.pressure) / 1e6
+    names = gas.names if several else ["1"]
+    for name_of_end, course in zip(names, courses, strict=True):
+        label = f"Cylinder {name_of_end or 1}".replace(".", ", ")
+        close.plot(time, course[at_end], linewidth=1.2, label=label)
     of_first = gas.lift[0] if several else gas.lift
     for valve, lift in zip(("Suction", "Discharge"), of_first, strict=True):
         lifts.plot(time, 1e3 * np.asarray(lift)[at_end], linewidth=1.2, label=valve)

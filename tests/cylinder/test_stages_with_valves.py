@@ -11,9 +11,9 @@ from helpers import plate_valve
 from reference_ends import DoubleActing as Reference
 from reference_ends import Valve
 
-from jaxcomp import BadInput, Compressor, SolveFailed, solve_orbit
+from jaxcomp import BadInput, Compressor, SolveFailed, simulate, solve_orbit
 from jaxcomp._core.status import Status
-from jaxcomp.crank import performance
+from jaxcomp.crank import TimeIntegration, performance
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder import (
     CrankEnd,
@@ -27,7 +27,7 @@ from jaxcomp.cylinder import (
 )
 from jaxcomp.fluid import Mixture, PerfectGas, RealGas
 from jaxcomp.mechanism import SliderCrank
-from jaxcomp.motor import ConstantSpeed, MeanSpeed
+from jaxcomp.motor import ConstantSpeed, MeanSpeed, SlipLine
 
 RADIUS, LENGTH, ROD, SPEED = 0.06, 0.3, 0.05, 77.5
 RINGS = LaminarGap(4e-5, 0.03, 2e-5)
@@ -203,6 +203,45 @@ def test_bottles_and_coolers_hold_the_mean_pressure():
     np.testing.assert_allclose(cycle.interstage_pressures, bare.interstage_pressures, rtol=5e-3)
     np.testing.assert_allclose(cycle.mass_flow, bare.mass_flow, rtol=5e-3)
     assert np.ptp(cycle.flow_of_stages) < 1e-9 * float(cycle.delivered)
+
+
+@pytest.mark.slow  # compiles the motion of four ends
+def test_stages_in_time_hold_the_pressure_between_them():
+    """From the periodic state's pressure between the stages, flows of a settled revolution are equal."""
+    orbit = solve_orbit(machine())
+    between = orbit.cycle.interstage_pressures
+    gas = cylinder(interstage_pressure=between)
+    heavy = Compressor(
+        SliderCrank(jnp.asarray(BORES), RADIUS, LENGTH, 30.0, 0.0),
+        Crankshaft(1e9, layout="boxer-2"),
+        SlipLine(1e-9, SPEED),
+        gas,
+    )
+    turn = 2 * np.pi / SPEED
+    options = TimeIntegration(tolerance=1e-9, samples=21, max_steps=2**15)
+    runs = [
+        simulate(heavy, turns * turn, angle=-np.pi / 2, speed=SPEED, options=options)
+        for turns in (5, 6)
+    ]
+    discharged = np.diff([run.gas.totals.discharge for run in runs], axis=0)[0]
+    np.testing.assert_allclose(discharged[:2].sum(), discharged[2:].sum(), rtol=1e-5)
+    # what a start leaves shrinks to a tenth with every revolution
+    np.testing.assert_allclose(discharged[2:].sum(), orbit.cycle.delivered, rtol=1e-5)
+    delivered = float(runs[1].gas.delivered - runs[0].gas.delivered)
+    np.testing.assert_allclose(delivered, discharged[2:].sum(), rtol=1e-12)
+    assert runs[0].gas.names == ["1.head", "1.crank", "2.head", "2.crank"]
+
+
+def test_stages_in_time_want_the_pressure_between_them():
+    design = machine(motor=SlipLine(40.0, SPEED))
+    with pytest.raises(BadInput, match=r"interstage_pressure.*jaxcomp run"):
+        simulate(design, 0.1)
+    wide = Plenum(0.5, 0.2, 0.3, 0.0)
+    bottled = cylinder(
+        Intercooler(COOLED, DROP, behind=(wide,)), interstage_pressure=jnp.array([2.8e5])
+    )
+    with pytest.raises(BadInput, match=r"later_stages\.0\.cooler.*without bottles"):
+        simulate(machine(bottled, SlipLine(40.0, SPEED)), 0.1)
 
 
 def test_stages_that_do_not_go_together_are_refused_by_name():

@@ -142,6 +142,13 @@ def test_points_that_were_not_measured(machine, table):
     assert said.value[0] == pytest.approx(float(real.orbit.motor_power), rel=1e-9)
     assert said.model_sd[0] > 0
     assert said.half_width[0] > 1.9 * said.model_sd[0]
+    # of several measurements at once, in their order
+    slower = Table("slower", ("motor_power",), np.array([[1.0]]), (SPEED,), np.array([[95.0]]))
+    both = found.predict(wanted, slower)
+    alone = found.predict(slower).prediction
+    assert both.entries.quantity == ("motor_power", "motor_power")
+    np.testing.assert_allclose(both.prediction.value, [said.value[0], alone.value[0]], rtol=1e-12)
+    np.testing.assert_allclose(both.prediction.inflated[1], alone.inflated[0], rtol=1e-12)
 
 
 def test_the_command_identifies_and_predicts(machine, truth, table, tmp_path):

@@ -10,11 +10,14 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load
 from jaxcomp.cli._app import app
+from jaxcomp.cli._identify import Polynomials, _identified
 from jaxcomp.fluid import RealGas
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.map_files import polynomial_text
 from jaxcomp.scene.measured import bundled_maps
 from jaxcomp.scene.readings import read_readings
+from jaxcomp.study.identification._reading_model import _joined
+from jaxcomp.study.identification._result import PredictedReadings
 from jaxcomp.study.interface import terms_of
 from jaxcomp.study.rating import QUANTITIES, RatingMap
 
@@ -65,6 +68,26 @@ def test_the_grid_of_a_polynomial_keeps_off_its_corner(tmp_path):
     found = read(tmp_path, MAP)
     assert found.evaporating.size == 18  # 5 by 4, less those within 15 K of each other
     assert (found.condensing - found.evaporating > 15).all()
+
+
+def test_polynomials_are_predicted_at_every_speed(tmp_path, monkeypatch):
+    """The command once took the first speed alone, without a word."""
+    file = tmp_path / "points.csv"
+    file.write_text(MAP)
+    scene = SimpleNamespace(machine=None)
+    files = Polynomials("-15,4", "40,45", "25 Hz,50 Hz").read([file], scene, None)
+    turns = [np.unique(readings.speed) / (2 * np.pi) for readings in files]
+    np.testing.assert_allclose(turns, [[25.0], [50.0]], rtol=1e-12)
+
+    def predict(*measurements):
+        parts = [readings.entries({}) for readings in measurements]
+        return PredictedReadings(_joined(parts, np.array([0, 4])), SimpleNamespace())
+
+    identification = SimpleNamespace(predict=predict)
+    monkeypatch.setattr("jaxcomp.study.identify", lambda *_, **__: identification)
+    _, predicted = _identified(scene, [], {}, {}, {}, files, None)
+    assert predicted.points[:2] == ["-15/40 C, 25 1/s", "-15/45 C, 25 1/s"]
+    assert predicted.points[-1] == "4/45 C, 50 1/s"
 
 
 @pytest.mark.parametrize("count", [10, 20, 30])

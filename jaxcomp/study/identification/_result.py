@@ -43,12 +43,22 @@ class PredictedReadings(NamedTuple):
     entries: Entries
     prediction: Prediction
 
+    @property
+    def points(self) -> list[str]:
+        """Name of the point of every reading, with the speed where points have several."""
+        names = list(self.entries.names)
+        speed = self.entries.conditions.get("speed", np.zeros(0))
+        if np.unique(speed[np.isfinite(speed)].round(6)).size < 2:
+            return names
+        turns = speed / (2 * np.pi)
+        return [f"{name}, {turn:.4g} 1/s" for name, turn in zip(names, turns, strict=True)]
+
     def columns(self) -> dict[str, Any]:
         """Predictions, a row each; numbers in the SI units of their quantities."""
         entries, prediction = self
         return {
             "quantity": list(entries.quantity),
-            "point": list(entries.names),
+            "point": self.points,
             "unit": [entries.kinds[name].unit for name in entries.quantity],
             "value": prediction.value,
             "model_sd": prediction.model_sd,
@@ -205,19 +215,22 @@ class Identification(Result, eqx.Module):
             )
         return out
 
-    def predict(self, measurement: AbstractMeasurement) -> PredictedReadings:
+    def predict(
+        self, measurement: AbstractMeasurement, *others: AbstractMeasurement
+    ) -> PredictedReadings:
         """Prediction of other readings by the identified machine, with intervals.
 
         Args:
             measurement: of which the conditions count, and the standard deviations for the intervals of
                 readings; the measured values may be anything.
+            others: whose readings follow those of the first.
 
         Raises:
             BadInput: a result that was loaded.
         """
         if self.study is None:
             raise BadInput("study", "absent", "that of the identification, for predictions")
-        model = ReadingModel(self.study.design, self.study.variables, [measurement], {})
+        model = ReadingModel(self.study.design, self.study.variables, [measurement, *others], {})
         count = len(self.study.variables)
         at = np.asarray(self.estimate)[:count]
         # constants of the measurement as they were found, where it is of the same source
