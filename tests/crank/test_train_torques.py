@@ -95,7 +95,7 @@ def test_peaks_are_those_in_time_within_the_stated_error(twin, seed):
     off = np.abs(np.asarray(found.peak) - exact)
     # 1e-6 for the straight lines of the reference, and tops between its instants
     assert np.all(off <= np.asarray(found.peak_error) + 1e-6 * exact)
-    assert np.all(off < 3e-4 * exact)
+    assert np.all(off < 1e-4 * exact)
     # sixteen harmonics miss percents, and say so
     few = train_torques(made, orbit, train, 16)
     assert np.all(np.abs(np.asarray(few.peak) - exact) <= np.asarray(few.peak_error))
