@@ -29,7 +29,7 @@ from . import _style as style
 from ._animate import machine_views
 from ._bearings import bearing_loads, journal_films_over_turn, journal_paths
 from ._cylinder import cylinder_figures
-from ._fine import FineTurn, fine_turn, first_diagram
+from ._fine import EndDiagram, FineTurn, diagrams_of_ends, fine_turn, first_diagram
 from ._vibration import free_body_errors, shaking_force, vibration_orbits
 
 _TORQUE = "Torque in the sense of rotation, N m"
@@ -101,8 +101,14 @@ def rod_loads(sheet: ProcessSheet) -> Figure:
     return figure
 
 
+# Indicator diagrams in one picture: more of them hide each other.
+_MOST_DIAGRAMS = 8
+
+
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
+
+    Double-acting ones have both ends, of every cylinder unless they are alike.
 
     Args:
         compressor: whose orbit it is.
@@ -113,16 +119,18 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """
     if compressor.gas is None or orbit.pressure is None:
         raise ValueError("A p-V diagram needs a compressor with gas.")
-    diagram = first_diagram(compressor, fine_turn(compressor, orbit))
-    # the first point once more, which closes the diagram
-    volume, pressure = (np.append(curve, curve[0]) for curve in diagram)
-    volume = 1e6 * volume
-    pressure = 1e-6 * pressure
+    turn = fine_turn(compressor, orbit)
+    ends = diagrams_of_ends(compressor, orbit, turn)
     figure, ax = style.single((6.4, 4.2), "Indicator diagram")
-    ax.fill(volume, pressure, color=style.colour("gas"), alpha=0.08, linewidth=0)
-    ax.plot(volume, pressure, color=style.colour("gas"), linewidth=1.8, label="Cylinder, absolute")
-    back = float(of_cylinder(compressor.gas).behind_piston) / 1e6
-    ax.axhline(back, color=style.INK, linewidth=0.9, linestyle="--", label="Behind the piston")
+    if ends:
+        _draw_ends(ax, ends)
+    else:
+        volume, pressure = _closed(*first_diagram(compressor, turn))
+        ax.fill(volume, pressure, color=style.colour("gas"), alpha=0.08, linewidth=0)
+        look = {"color": style.colour("gas"), "linewidth": 1.8}
+        ax.plot(volume, pressure, label="Cylinder, absolute", **look)
+        back = float(of_cylinder(compressor.gas).behind_piston) / 1e6
+        ax.axhline(back, color=style.INK, linewidth=0.9, linestyle="--", label="Behind the piston")
     ax.set(xlim=(0, None), ylim=(0, None), ylabel="Pressure, MPa")
     ax.set_xlabel("Displaced volume (clearance not counted), cm³")
     count = compressor.crankshaft.count
@@ -133,6 +141,27 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.text(*place, work, transform=ax.transAxes, **look)
     style.legend(ax)
     return figure
+
+
+def _closed(volume, pressure) -> tuple[np.ndarray, np.ndarray]:
+    """Volume [cm^3] and pressure [MPa] of a diagram, with the first point once more at its end."""
+    return 1e6 * np.append(volume, volume[0]), 1e-6 * np.append(pressure, pressure[0])
+
+
+def _draw_ends(ax, ends: list[EndDiagram]) -> None:
+    """Both ends of cylinders that differ, the crank ends dashed."""
+    drawn = []
+    for head, crank in zip(ends[::2], ends[1::2], strict=True):
+        sizes = [float(jnp.max(curve)) for curve in (*head[2:], *crank[2:])]
+        alike = any(np.allclose(sizes, other, rtol=1e-3) for other in drawn)
+        if alike or 2 * len(drawn) >= _MOST_DIAGRAMS:
+            continue
+        tint = style.tint(len(drawn))
+        drawn.append(sizes)
+        for diagram, line in ((head, "-"), (crank, "--")):
+            label = f"Cylinder {diagram.cylinder}, {diagram.end} end"
+            curve = _closed(diagram.volume, diagram.pressure)
+            ax.plot(*curve, color=tint, linestyle=line, linewidth=1.5, label=label)
 
 
 def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:

@@ -10,7 +10,13 @@ from jaxtyping import Array, Float
 
 from .._core.each import of_cylinder
 from .._core.polynomials import cubics
-from ..compressor import Compressor, cylinder_pressure, kink_angles
+from ..compressor import (
+    Compressor,
+    crank_end_pressure,
+    cylinder_pressure,
+    kink_angles,
+    mechanisms_of,
+)
 from ..crank import Orbit
 from ..crank.interface import acceleration, orbiting_journals, with_journals
 from ..friction import JointLoads
@@ -90,6 +96,47 @@ def first_diagram(
     pressure = turn.pressure[0]
     top = mechanism.piston_extremes()[0]
     return mechanism.piston_area * (top - mechanism.piston(angle)[0]), pressure
+
+
+class EndDiagram(NamedTuple):
+    """Indicator diagram of one end of a double-acting cylinder.
+
+    Attributes:
+        cylinder: its number, from 1.
+        end: "head" or "crank".
+        volume: [m^3] (n,) that the piston displaces there.
+        pressure: [Pa] (n,)
+    """
+
+    cylinder: int
+    end: str
+    volume: Float[Array, " n"]
+    pressure: Float[Array, " n"]
+
+
+def diagrams_of_ends(compressor: Compressor, orbit: Orbit, turn: FineTurn) -> list[EndDiagram]:
+    """Indicator diagrams of both ends of all cylinders; none of cylinders that act on one side.
+
+    Args:
+        compressor: whose orbit it is.
+        orbit: the periodic state.
+        turn: of `fine_turn`.
+    """
+    solved = orbit.under_gas(compressor)
+    behind = crank_end_pressure(solved, turn.state.angle)
+    if behind is None or turn.pressure is None:
+        return []
+    rods = jnp.broadcast_to(jnp.pi / 4 * solved.gas.rod_diameter**2, behind.shape[:1])
+    diagrams = []
+    for number, mechanism in enumerate(mechanisms_of(compressor)):
+        angle = turn.state.angle + compressor.crankshaft.phase[number]
+        top, bottom = mechanism.piston_extremes()
+        position = mechanism.piston(angle)[0]
+        head = mechanism.piston_area * (top - position)
+        crank = (mechanism.piston_area - rods[number]) * (position - bottom)
+        diagrams.append(EndDiagram(number + 1, "head", head, turn.pressure[number]))
+        diagrams.append(EndDiagram(number + 1, "crank", crank, behind[number]))
+    return diagrams
 
 
 def _periodic_cubic(x, knots, values, slopes):

@@ -11,6 +11,7 @@ import pytest
 
 from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp._core.display import shown
+from jaxcomp.compressor import compressor_of
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._identified import _pairs
 from jaxcomp.plot._rotor import _highest_shown
@@ -69,6 +70,22 @@ def test_area_of_the_indicator_diagram_is_the_gas_work(machine, orbit):
     assert volume.max() == pytest.approx(1327, rel=1e-5)
     area = abs(np.trapezoid(pressure * 1e6, volume * 1e-6))
     assert area == pytest.approx(float(orbit.energy.gas_work), rel=1e-3)
+
+
+def test_both_ends_of_double_acting_cylinders_are_drawn():
+    """Head end and crank end of both stages; what they enclose is the work of the gas."""
+    compressor = compressor_of(load("two-stage-crosshead"))
+    orbit = solve_orbit(compressor)
+    (ax,) = plot.pv_diagram(compressor, orbit).axes
+    labels = [line.get_label() for line in ax.lines]
+    assert labels == [
+        "Cylinder 1, head end",
+        "Cylinder 1, crank end",
+        "Cylinder 2, head end",
+        "Cylinder 2, crank end",
+    ]
+    areas = [abs(np.trapezoid(line.get_ydata(), line.get_xdata())) for line in ax.lines]
+    assert sum(areas) == pytest.approx(float(orbit.energy.gas_work), rel=1e-3)
 
 
 def test_fine_turn_agrees_with_the_nodes(machine, orbit):
