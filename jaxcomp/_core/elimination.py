@@ -69,10 +69,12 @@ def solve_triangles(
     def substitute(solution, row, above):
         """The solution with one more row, by the rows above it or below it."""
         coefficients = lax.dynamic_index_in_dim(factors, row, -2, keepdims=False)
-        known = places < row if above else places > row
-        taken = jnp.where(known, coefficients, 0.0)
+        is_solved = places > row
+        if above:
+            is_solved = places < row
+        by_solved = jnp.where(is_solved, coefficients, 0.0)
         value = lax.dynamic_index_in_dim(solution, row, -2, keepdims=False)
-        value = value - jnp.sum(taken[..., None] * solution, axis=-2)
+        value = value - jnp.sum(by_solved[..., None] * solution, axis=-2)
         if not above:
             value = value / lax.dynamic_index_in_dim(coefficients, row, -1)
         return lax.dynamic_update_index_in_dim(solution, value, row, right.ndim - 2), None

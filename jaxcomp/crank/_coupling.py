@@ -258,10 +258,10 @@ def _slopes_between(cycle) -> Float[Array, "s s"]:
     clearance takes up again. Without that share a step overshot by 0.7 on a machine with 15 % clearance.
     """
     shares = cycle.reexpansion_of_stages
-    own = -(1 + shares[:-1] + shares[1:])
+    diagonal = -(1 + shares[:-1] + shares[1:])
     before = 1 + shares[1:-1]
     behind = shares[1:-1]
-    return jnp.diag(own) + jnp.diag(before, -1) + jnp.diag(behind, 1)
+    return jnp.diag(diagonal) + jnp.diag(before, -1) + jnp.diag(behind, 1)
 
 
 def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise) -> Motion:

@@ -138,15 +138,17 @@ class GasCourse(eqx.Module):
         if count == 1:
             return [""]
         if self.sides == 1:
-            return [str(number + 1) for number in range(count)]
-        ends = ("head", "crank")
-        return [f"{number // 2 + 1}.{ends[number % 2]}" for number in range(count)]
+            return list(map(str, range(1, count + 1)))
+        names = []
+        for cylinder in range(1, count // 2 + 1):
+            names += [f"{cylinder}.head", f"{cylinder}.crank"]
+        return names
 
     @property
     def delivered(self) -> Float[Array, ""]:
         """[kg] since the start, of several stages by the last."""
-        last = max(self.stages, default=1)
-        ends = np.flatnonzero(np.array(self.stages or (1,) * self.pressure.shape[0]) == last)
+        final_stage = max(self.stages, default=1)
+        ends = np.flatnonzero(np.array(self.stages or (1,) * self.pressure.shape[0]) == final_stage)
         return jnp.sum(self.totals.discharge[ends])
 
 
@@ -266,7 +268,7 @@ class CrankAndGas(AbstractLaw):
         sides = 1 if gas.crank_end is None else 2
         stages = ()
         if gas.later_stages:
-            stages = tuple(stage for stage in gas.stages for _ in range(sides))
+            stages = tuple(np.repeat(gas.stages, sides).tolist())
         courses = (jnp.moveaxis(value, 0, -1) for value in values)
         course = GasCourse(*courses, totals=totals, sides=sides, stages=stages)
         if some:

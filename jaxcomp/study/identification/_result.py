@@ -216,21 +216,21 @@ class Identification(Result, eqx.Module):
         return out
 
     def predict(
-        self, measurement: AbstractMeasurement, *others: AbstractMeasurement
+        self, measurement: AbstractMeasurement, *further: AbstractMeasurement
     ) -> PredictedReadings:
         """Prediction of other readings by the identified machine, with intervals.
 
         Args:
             measurement: of which the conditions count, and the standard deviations for the intervals of
                 readings; the measured values may be anything.
-            others: whose readings follow those of the first.
+            further: whose readings follow those of the first.
 
         Raises:
             BadInput: a result that was loaded.
         """
         if self.study is None:
             raise BadInput("study", "absent", "that of the identification, for predictions")
-        model = ReadingModel(self.study.design, self.study.variables, [measurement, *others], {})
+        model = ReadingModel(self.study.design, self.study.variables, [measurement, *further], {})
         count = len(self.study.variables)
         at = np.asarray(self.estimate)[:count]
         # constants of the measurement as they were found, where it is of the same source
