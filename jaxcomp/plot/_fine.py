@@ -1,7 +1,7 @@
 """One revolution at many more angles than a solver needs, so that curves look as smooth as they are."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -126,7 +126,8 @@ def diagrams_of_ends(compressor: Compressor, orbit: Orbit, turn: FineTurn) -> li
     behind = crank_end_pressure(solved, turn.state.angle)
     if behind is None or turn.pressure is None:
         return []
-    rods = jnp.broadcast_to(jnp.pi / 4 * solved.gas.rod_diameter**2, behind.shape[:1])
+    gas: Any = solved.gas
+    rods = jnp.broadcast_to(jnp.pi / 4 * gas.rod_diameter**2, behind.shape[:1])
     diagrams = []
     for number, mechanism in enumerate(mechanisms_of(compressor)):
         angle = turn.state.angle + compressor.crankshaft.phase[number]
