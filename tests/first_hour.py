@@ -552,6 +552,13 @@ COMMANDS = {
     "load steps of a machine without any": _cli(
         f"run {WBHE} --load-steps", "--load-steps", "[[gas.load_steps]]"
     ),
+    "a run in time of stages without the pressure between them": Command(
+        (
+            *("simulate", PROCESS, "--duration", "1s", "--set"),
+            'motor={type = "slip_line", slope = "200 N m s", synchronous_speed = "600 rpm"}',
+        ),
+        ("gas.interstage_pressure", "run in time", "jaxcomp run"),
+    ),
     "a run-up without its duration": _cli("simulate mayekawa-wbhe", "--duration", "2s"),
     "vibration of a machine without a rotor": _cli("modes slider-link-8cc", "no [rotor]"),
     "a comparison by what none has": _cli(

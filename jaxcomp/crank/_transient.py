@@ -156,7 +156,8 @@ def simulate(
     Derivatives pass through the integration, but leave out that the instants move at which friction
     jumps, at the dead centres: an error of 3e-4 to 3e-3 on the machine of Tsuji et al. Those of
     `solve_orbit` have no such error. Cylinders with valves begin with the gas of the suction line, and
-    have no derivatives; lines with the same pressure make a start with equalised pressures.
+    have no derivatives; lines with the same pressure make a start with equalised pressures. Pressures
+    between stages are held, and have to be given.
 
     Args:
         machine: a compressor, a machine or a scene; its motor must have a torque law over speed.
