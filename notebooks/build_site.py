@@ -42,15 +42,28 @@ MOVED = {
 PICTURES = (".pictures/mechanism.gif", ".pictures/balance.gif")
 # What search shows first and last.
 BOOSTS = {
-    "reference/machines.md": 10,
-    "reference/entries.md": 10,
-    "reference/quantities.md": 10,
+    "reference/machines.md": 2,
+    "reference/entries.md": 4,
+    "reference/quantities.md": 4,
+    "benchmarks.md": 0.3,
     "changelog.md": 0.2,
     "licence.md": 0.1,
     "reference/index.md": 0.2,
 }
 # Of the pages that lead through a task, which stand before what only mentions its words.
-OF_TASKS = 4
+OF_TASKS = 20
+# Words of tasks: names in tables of the reference, which search puts first, are such words as well.
+TASK_WORDS = {
+    "balance-measured.md": "balance balancing",
+    "blends.md": "blend mixture refrigerant composition",
+    "identify.md": "identify measured",
+    "journal-loads.md": "bearing journal film",
+    "many-designs.md": "sweep optimise pareto tolerance cluster",
+    "own-laws.md": "gas valve motor friction law",
+    "refrigeration.md": "cop capacity map valve refrigeration",
+    "scripts.md": "json script schema",
+    "vibration.md": "vibration modes balance campbell",
+}
 # Modules with so many names that they have several pages: the files that each page describes.
 PARTS = {
     "jaxcomp.study": {
@@ -102,13 +115,15 @@ def write_pages(out: Path = OUT) -> list[str]:
     pages["reference/quantities.md"] = _quantities()
     settings = yaml.safe_load((ROOT / ".mkdocs.yml").read_text("utf-8"))
     sections = {name: entries for entry in settings["nav"] for name, entries in entry.items()}
-    boosts = dict.fromkeys([*sections["Start"], *sections["How to"]], OF_TASKS) | BOOSTS
+    of_tasks = [*sections["Start"], *sections["How to"], *sections["Write your own"]]
+    boosts = dict.fromkeys(of_tasks, OF_TASKS) | BOOSTS
     for page in pages:
         boost = boosts.get(page, 0.4 if page.startswith("reference/") else None)
         if boost:
             # a row is found by its name as a title is
             is_table = page.startswith("reference/") and boost > 1
             names = re.findall(r"^\| `(\w+)", pages[page], re.M) if is_table else []
+            names += TASK_WORDS.get(page, "").split()
             head = {"search": {"boost": boost}, "tags": sorted(set(names))}
             pages[page] = f"---\n{yaml.safe_dump(head)}---\n\n{pages[page]}"
     shutil.rmtree(out / "pages", ignore_errors=True)

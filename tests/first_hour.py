@@ -1009,6 +1009,7 @@ CALLS = {
     "misspelt name of the package": _py(
         lambda s: jc.solve_orbits(s), "solve_orbits", '"solve_orbit"'
     ),
+    "distribution of another module": _py(lambda s: jc.study.uniform, "uniform", "jaxcomp.uniform"),
     "value that is assigned": _py(
         lambda s: setattr(s.compressor.motor, "mean_speed", 3.0), "mean_speed", "with_value"
     ),

@@ -366,7 +366,7 @@ def balance(
         lambda: jc.plot.interface.balance_figures(solution, name),
         scene,
         {"balance": solution.columns},
-        f"Report, pictures, curves{', scene' if machine else ''} and result",
+        f"Report, pictures, curves{', machine file' if machine else ''} and result",
         metadata=metadata,
     )
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxcomp import load, optimise, problem, sensitivity
 from jaxcomp._core import exported
 from jaxcomp._core.fields import admissible, clipped
 from jaxcomp._core.polynomials import legendre_columns
@@ -108,6 +109,7 @@ def test_what_is_no_array_is_told_apart(folder, traced):
 
 SCRIPT = """
 import jax, jax.numpy as jnp
+from jaxcomp import load, optimise, problem, sensitivity
 from jaxcomp._core import exported
 from jaxcomp._core.fields import admissible, clipped
 asked, export = [], exported.export.export
@@ -167,6 +169,7 @@ def test_a_result_that_was_read_is_the_same_argument(folder, traced):
 def test_on_another_device_it_is_compiled_for_that():
     code = """
 import jax, numpy as np
+from jaxcomp import load, optimise, problem, sensitivity
 from jaxcomp._core import exported
 from jaxcomp._core.fields import admissible, clipped
 from jaxcomp.gas import PolytropicCycle
@@ -180,3 +183,17 @@ for device in jax.devices()[::-1]:
     flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
     done = subprocess.run([sys.executable, "-c", code], env=os.environ | {"XLA_FLAGS": flags})
     assert done.returncode == 0
+
+
+@pytest.mark.slow  # compiles the slopes of a machine twice, half a minute
+def test_gains_and_designs_of_a_search_are_kept(folder, traced):
+    """So that the desk traces nothing at its second start."""
+    scene = load("mayekawa-wbhe")
+    sensitivity(scene, ["mechanical_efficiency"])
+    ranges = {"bore_at_displacement": (0.12, 0.14)}
+    optimise(problem(scene, ranges, ["mechanical_efficiency"]), starts=1, samples=2, max_steps=2)
+    functions = {f"{function.__module__}.{function.__name__}" for function in traced}
+    assert "jaxcomp.study._sensitivity._solved" in functions
+    assert "jaxcomp.study._problem._answers" in functions
+    # each as it was traced and as it was compiled
+    assert len(list(folder.glob("*/*.program"))) >= 2 * len(traced)
