@@ -60,6 +60,7 @@ TASK_WORDS = {
     "journal-loads.md": "bearing journal film",
     "many-designs.md": "sweep optimise pareto tolerance cluster",
     "own-laws.md": "gas valve motor friction law",
+    "process.md": "stage stages api unloader pocket",
     "refrigeration.md": "cop capacity map valve refrigeration",
     "scripts.md": "json script schema",
     "vibration.md": "vibration modes balance campbell",
