@@ -86,6 +86,7 @@ class Page:
         )
         self.buttons = self._new_buttons()
         self.warnings = pn.pane.Markdown("", **WIDE)
+        self.gas = pn.pane.Markdown("", **WIDE)
 
         title = f"## {as_it_is(scene.name)}\n{as_it_is(scene.description)}"
         first, *panes = self._panes()
@@ -98,13 +99,14 @@ class Page:
                 head=(pn.pane.Markdown(title, **WIDE), self.state, self.message),
                 first=(first,),
                 numbers=(*controls, self.warnings, self.ranges, self.table),
-                rest=(grid(*panes), self.results),
+                rest=(grid(*panes), self.gas, self.results),
             )
         ]
         for name in with_sliders:
             self.add_slider(name)
         self._show()
         self._show_warnings()
+        self._show_gas()
 
     def _new_buttons(self) -> dict[str, Any]:
         calls = {"Undo": self._undo, "Redo": self._redo, "Pin this state": self._pin}
@@ -373,6 +375,12 @@ class Page:
         self._show_gains()
         self._show()
         self._show_warnings()
+        self._show_gas()
+
+    def _show_gas(self) -> None:
+        lines = self.desk.gas_lines()
+        self.gas.object = "\n".join(f"- {as_it_is(line)}" for line in lines)
+        self.gas.visible = bool(lines)
 
     def _show_warnings(self) -> None:
         warnings = self.desk.warnings()

@@ -15,10 +15,12 @@ from .._core.registry import Quantity, offered_values
 from .._core.status import Status
 from ..balancing import least_squares
 from ..crank.interface import film_thickness
+from ..cylinder import Cylinder
 from ..cylinder.interface import SeveralCycles
 from ..machine import Machine
 from ..plot.interface import fine_turn, first_diagram, front_view
 from ..scene import Scene, SceneError, dump, implausible_values
+from ..scene.follows import gas_follows
 from ..scene.interface import to_si, with_machine
 from ..study import (
     AnalysisOptions,
@@ -248,6 +250,18 @@ class Desk:
     def toml(self) -> str:
         """The text of its machine file, with the comments of the file that it was loaded from."""
         return dump(self.changed_scene())
+
+    def gas_lines(self) -> list[str]:
+        """What follows from fluid and lines of a machine with valves, as `check` has it."""
+        compressor = self.machine.compressor
+        gas = None if compressor is None else compressor.gas
+        if not isinstance(gas, Cylinder):
+            return []
+        lines = []
+        for name, value, unit in gas_follows(gas):
+            number = f"{value:.4g}" if isinstance(value, float) else value
+            lines.append(f"{name}: {number} {unit}".rstrip())
+        return lines
 
     def warnings(self) -> list[str]:
         """Unusual values of the machine as it stands, as `jaxcomp check` says them."""

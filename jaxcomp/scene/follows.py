@@ -11,7 +11,7 @@ from .._core.each import AbstractEach, listed, of_cylinder
 from .._core.fields import subparts
 from ..compressor import Compressor
 from ..cylinder import Cylinder
-from ..fluid import AbstractRealGas, GasState
+from ..fluid import AbstractRealGas, GasState, Mixture
 from ..fluid.interface import has_dew_line
 from ..gas import PolytropicCycle
 from ..machine import machine_of
@@ -34,7 +34,9 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
     rules = ", ".join(name for name in names if name in design_rules)
     yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
     if scene.compressor is not None:
-        yield from _of_compressor(scene.compressor)
+        written = machine_of(scene).compressor
+        assert written is not None
+        yield from _of_compressor(scene.compressor, written.gas)
     model = scene.parts.get("rotor")
     if isinstance(model, RotorModel):
         yield from _of_rotor(model)
@@ -45,8 +47,13 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
         yield "Block on its springs, 6 degrees of freedom", text, "Hz"
 
 
-def _of_compressor(compressor: Compressor):
-    """Sizes and ratios of the first cylinder, and speeds of the crank."""
+def _of_compressor(compressor: Compressor, gas_as_written: Any):
+    """Sizes and ratios of the first cylinder, and speeds of the crank.
+
+    Args:
+        compressor: as it was put together, by dew points.
+        gas_as_written: its gas side as the file has it.
+    """
     mechanism: Any = of_cylinder(compressor.mechanism)
     gas = of_cylinder(compressor.gas)
     yield "Stroke", 1e3 * float(mechanism.stroke), "mm"
@@ -64,6 +71,7 @@ def _of_compressor(compressor: Compressor):
     # nothing is solved here: the speed is where a solver would begin
     speed = float(compressor.motor.speed_guess)
     if isinstance(gas, Cylinder):
+        yield from gas_follows(of_cylinder(gas_as_written))
         yield from _of_valves(gas, speed)
     yield "Speed, about", speed * RPM, "rpm"
     yield "Mean piston speed, about", float(mechanism.stroke) * speed / math.pi, "m/s"
@@ -116,6 +124,31 @@ def _of_cylinders(compressor: Compressor):
         yield "Rods outside the main bearings", outside, "overhung" if outside else ""
 
 
+def gas_follows(gas: Cylinder) -> Iterator[tuple[str, Any, str]]:
+    """(name, value, unit) of the gas between the lines of a cylinder, in shown units.
+
+    Composition and kind of the temperatures of a mixture, pressure ratio, compressibility, head, glide.
+
+    Args:
+        gas: cylinder with valves.
+    """
+    fluid = gas.fluid
+    if isinstance(fluid, Mixture):
+        shares = zip(fluid.components or (), np.asarray(fluid.mass_fractions), strict=True)
+        words = ", ".join(f"{name} {100 * share:.4g} %" for name, share in shares)
+        yield "Composition by mass", words, fluid.name
+    if has_dew_line(fluid) and fluid.has_glide:
+        words = {"dew": "of dew points", "mean": "means of the heat exchangers"}[gas.reference]
+        yield "Evaporating and condensing temperatures", words, ""
+    gas = gas.by_dew_points()
+    suction = gas.suction.state(fluid)
+    behind = gas.discharge.states(fluid, suction)[0]
+    yield "Pressure ratio", float(behind.p / suction.p), ""
+    yield from _of_compression(gas, suction)
+    if has_dew_line(fluid) and fluid.has_glide:
+        yield from _of_glide(fluid, float(suction.p), float(behind.p))
+
+
 def _of_compression(gas: Cylinder, suction: GasState):
     """Compressibility at both ends of the isentropic compression between the lines, and its work."""
     _, isentropic = gas.discharge.states(gas.fluid, suction)
@@ -138,13 +171,8 @@ def _of_glide(fluid: AbstractRealGas, low: float, high: float):
 
 def _of_valves(gas: Cylinder, speed: float):
     """Quantities that follow from the lines and valves of a cylinder, and what it leaves out."""
-    gas = gas.by_dew_points()
     suction = gas.suction.state(gas.fluid)
     behind = gas.discharge.states(gas.fluid, suction)[0]
-    yield "Pressure ratio", float(behind.p / suction.p), ""
-    yield from _of_compression(gas, suction)
-    if has_dew_line(gas.fluid) and gas.fluid.has_glide:
-        yield from _of_glide(gas.fluid, float(suction.p), float(behind.p))
     for name, valve in zip(("suction", "discharge"), gas.valves, strict=True):
         if valve.oscillator is not None:
             natural_frequency = math.sqrt(float(valve.oscillator.stiffness / valve.oscillator.mass))

@@ -18,7 +18,7 @@ SUPERHEAT = 10.0
 def perturbed_map(blend: str, reference: str) -> tuple:
     """The machine before, and four points of its map after two constants have changed."""
     scene = with_values(load("r290-6cc"), {"gas.fluid": {"type": "mixture", "name": blend}})
-    changed = with_values(scene, {name: float(value) for name, value in TRUTH.items()})
+    changed = with_values(scene, {CLEARANCE: TRUTH[CLEARANCE], HEATING: f"{TRUTH[HEATING]} K"})
     S = ZERO + np.array([-25.0, -10.0])
     D = ZERO + np.array([35.0, 45.0])
     found = rating_map(changed, S, D, "en12900-superheat", reference=reference)

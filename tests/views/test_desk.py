@@ -2,6 +2,7 @@
 
 import dataclasses
 import html
+import json
 import logging
 import re
 import shutil
@@ -11,14 +12,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from jaxcomp import load, solve_orbit
+from jaxcomp.cli import app
 from jaxcomp.desk import _state as state
 from jaxcomp.desk import serve
 from jaxcomp.desk._page import Page
 from jaxcomp.desk._serve import _is_fault
 from jaxcomp.desk.interface import Desk
-from jaxcomp.scene import SceneError, loads
+from jaxcomp.scene import SceneError, loads, start
 
 BORE, PIN = "mechanism.bore", "friction.crank_pin.coefficient"
 PRESSURE, MOVED = "suction pressure", "0.1078 MPa"
@@ -428,6 +431,25 @@ def test_what_check_finds_unusual_stands_on_the_page(page):
     assert "piston" not in page.warnings.object
 
 
+def test_a_blend_has_composition_and_glide_on_the_desk_as_in_check(page, tmp_path):
+    assert not page.gas.visible  # of a machine without valves
+    text = start("blend", "machine")
+    for other in (text, text.replace('reference = "dew"', 'reference = "mean"')):
+        path = tmp_path / "machine.toml"
+        path.write_text(other)
+        lines = Desk.gas_lines(SimpleNamespace(machine=load(str(path)).machine))
+        assert lines[0] == "Composition by mass: R32 21.5 %, R1234yf 78.5 % R32/R1234yf"
+        checked = CliRunner().invoke(app, ["check", str(path), "--json"])
+        rows = json.loads(checked.output)["follows"]
+        follows = {row["what"]: row["value"] for row in rows}
+        names = ["Evaporating and condensing temperatures", "Compressibility at the suction valve"]
+        names += ["Isentropic head", "Glide at suction pressure", "Glide at discharge pressure"]
+        for name in names:
+            (line,) = (line for line in lines if line.startswith(f"{name}: "))
+            value = follows[name]
+            assert (value if isinstance(value, str) else f"{value:.4g}") in line
+
+
 def test_what_matters_most_stands_first(page):
     assert list(page.results.value["Result"])[:2] == ["Mechanical efficiency", "Shaft power"]
     assert "Shaft power" in re.sub(r"\\(.)", r"\1", page.state.object)
@@ -439,6 +461,7 @@ def test_a_machine_with_valves_has_its_pictures():
     assert desk.quantity == "cop"
     view = desk.view
     assert not view.status
+    assert any(line.startswith("Pressure ratio: 8.688") for line in desk.gas_lines())
     assert set(view.lifts) == {"suction", "discharge"}
     stop = float(desk.machine.compressor.gas.suction_valve.stop)
     # a plate may bounce into its stop by a tenth
