@@ -252,15 +252,15 @@ class Desk:
         return dump(self.changed_scene())
 
     def gas_lines(self) -> list[str]:
-        """What follows from fluid and lines of a machine with valves, as `check` has it."""
-        compressor = self.machine.compressor
-        gas = None if compressor is None else compressor.gas
+        """Composition, glide, compressibility and head of the gas of a machine with valves, in words."""
+        gas = getattr(self.machine.compressor, "gas", None)
         if not isinstance(gas, Cylinder):
             return []
         lines = []
         for name, value, unit in gas_follows(gas):
-            number = f"{value:.4g}" if isinstance(value, float) else value
-            lines.append(f"{name}: {number} {unit}".rstrip())
+            if isinstance(value, float):
+                value = f"{value:.4g}"
+            lines.append(f"{name}: {value} {unit}".rstrip())
         return lines
 
     def warnings(self) -> list[str]:

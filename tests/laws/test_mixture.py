@@ -163,6 +163,24 @@ def test_wet_gas_is_told_by_its_density(mixtures, name):
         assert not bool(fluid.is_wet(jnp.asarray(263.15), jnp.asarray(dry)))
 
 
+@pytest.mark.parametrize(("name", "is_wet"), [("R513A", True), ("R454C", False)])
+def test_heat_lost_on_the_way_makes_gas_wet_whose_isentropes_run_along_the_dew_line(name, is_wet):
+    """From saturated gas of 0 degC to the dew pressure of 45 degC, less 8 J/(kg K) by a cold wall.
+
+    The entropy of saturated R513A hardly changes between, that of R454C falls by 20 J/(kg K).
+    """
+    fluid = Mixture(name=name)
+
+    @eqx.filter_jit
+    def compressed(fluid, loss):
+        start = fluid.state(273.15, fluid.saturation(T=jnp.asarray(273.15)).vapour)
+        end = fluid.at_entropy(fluid.dew_pressure(318.15), start.s - loss, start)
+        return fluid.is_wet(start.T, start.rho), fluid.is_wet(end.T, end.rho)
+
+    assert compressed(fluid, 8.0) == (False, is_wet)
+    assert compressed(fluid, 0.0) == (False, False)
+
+
 @pytest.mark.parametrize("name", ["R407C", "R410A"])
 def test_a_mixture_is_its_pseudo_pure_fluid(name):
     """They were fitted to the same data: dew pressures to 0.02 %, the work of compression to 0.05 %."""
