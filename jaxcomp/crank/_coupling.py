@@ -42,7 +42,7 @@ from ..cylinder.interface import (
     SeveralCycles,
     follow_cycles,
     guessed_pressures,
-    is_solved,
+    is_near,
     no_solution,
     of_each,
     pace_of,
@@ -167,9 +167,9 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
     def step(motion, last_solution):
         new, solution = _step(compressor, solver, motion, solution_of(last_solution[0]))
         # without a cycle there is nothing to go on with: the iteration ends, and its status is that one
-        solved = is_solved(of_each(solution[0]))
+        goes_on = is_near(of_each(solution[0]))
         return jax.tree.map(
-            lambda after, before: jnp.where(solved, after, before), new, motion
+            lambda after, before: jnp.where(goes_on, after, before), new, motion
         ), solution
 
     tolerance = _MARCHED_TOLERANCE if _is_marched(compressor, solver) else _TOLERANCE

@@ -25,10 +25,11 @@ from ._collocation import (
     FAST,
     LOST,
     MOST_WITH_ONE,
+    Branches,
     Factors,
     Residual,
     assemble,
-    branches_hold,
+    branches,
     factorise,
     keeps_within,
     residual,
@@ -339,6 +340,8 @@ class BorderReport(NamedTuple):
     steps: Int[Array, ""]  # with a Jacobian of their own
     holds: Bool[Array, ""]  # whether all branches hold
     first: Waves  # change of the waves in the first step
+    # [rad] where a branch is left most, infinite where they hold at all nodes
+    left_at: Float[Array, ""]
 
 
 def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int):
@@ -387,21 +390,22 @@ def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int
                 previous_size,
                 count + 1,
                 moved,
-                branches_hold(unknowns.panels, events),
+                branches(unknowns.panels, events),
             )
 
         endless = jnp.asarray(jnp.inf)
-        begin = (unknowns, remainder, endless, endless, none, first, jnp.asarray(False))
-        unknowns, _, size, before, _, moved, good = lax.while_loop(fast, step, begin)
+        begin = (unknowns, remainder, endless, endless, none, first, unknown)
+        unknowns, _, size, before, _, moved, left = lax.while_loop(fast, step, begin)
         first = jax.tree.map(lambda a, b: jnp.where(steps == 0, a, b), moved, first)
-        return unknowns, size, before, steps + 1, first, good
+        return unknowns, size, before, steps + 1, first, left
 
     none = jnp.zeros((), int)
     no_change = jax.tree.map(jnp.zeros_like, start.waves)
-    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, no_change, jnp.asarray(False))
-    unknowns, size, _, steps, first, good = lax.while_loop(going_on, advance, begin)
-    good = good & keeps_within(system, mesh, unknowns.panels)
-    return unknowns, BorderReport(size, steps, good, first)
+    unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
+    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, no_change, unknown)
+    unknowns, size, _, steps, first, left = lax.while_loop(going_on, advance, begin)
+    holds = left.hold & keeps_within(system, mesh, unknowns.panels)
+    return unknowns, BorderReport(size, steps, holds, first, left.left_at)
 
 
 def limited(system: Cylinders, before: Waves, change: Waves) -> Waves:

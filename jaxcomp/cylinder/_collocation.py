@@ -247,6 +247,8 @@ class NewtonReport(NamedTuple):
     steps: Int[Array, ""]  # with a Jacobian of their own
     chord_steps: Int[Array, ""]  # steps with the Jacobian of the one before
     holds: Bool[Array, ""]  # whether all branches hold
+    # [rad] where one is left most, infinite where they hold at all nodes
+    left_at: Float[Array, ""]
 
 
 def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
@@ -285,23 +287,38 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
             size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
             z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
             remainder, events = evaluate(system, mesh, z)
-            return z, remainder, size, previous_size, count + 1, branches_hold(z, events)
+            return z, remainder, size, previous_size, count + 1, branches(z, events)
 
         endless = jnp.asarray(jnp.inf)
-        begin = (z, remainder, endless, endless, none, jnp.asarray(False))
-        z, _, size, before, count, good = lax.while_loop(fast, step, begin)
-        return z, size, before, steps + 1, chord_steps + count - 1, good
+        begin = (z, remainder, endless, endless, none, unknown)
+        z, _, size, before, count, left = lax.while_loop(fast, step, begin)
+        return z, size, before, steps + 1, chord_steps + count - 1, left
 
     none = jnp.zeros((), int)
-    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, jnp.asarray(False))
-    z, size, _, steps, chord_steps, good = lax.while_loop(going_on, advance, begin)
-    return z, NewtonReport(size, steps, chord_steps, good & keeps_within(system, mesh, z))
+    unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
+    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, unknown)
+    z, size, _, steps, chord_steps, left = lax.while_loop(going_on, advance, begin)
+    holds = left.hold & keeps_within(system, mesh, z)
+    return z, NewtonReport(size, steps, chord_steps, holds, left.left_at)
 
 
-def branches_hold(z: Unknowns, events) -> Bool[Array, ""]:
-    """Whether every branch holds at every node of a panel with some width."""
-    wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
-    return jnp.all((events[:, :-1] > -_LEFT) | ~wide) & jnp.all(jnp.diff(z.edges) > -1e-7)
+class Branches(NamedTuple):
+    """Branches of a solution."""
+
+    hold: Bool[Array, ""]  # whether all do
+    left_at: Float[Array, ""]  # [rad] where one is left most; infinite where none is
+
+
+def branches(z: Unknowns, events) -> Branches:
+    """Whether every branch holds at every node of a panel with some width, and where not."""
+    widths = jnp.diff(z.edges)
+    is_wide = (widths > 1e-7)[:, None, None]
+    least = jnp.min(jnp.where(is_wide, events[:, :-1], jnp.inf), axis=2)
+    panel, node = jnp.divmod(jnp.argmin(least), least.shape[1])
+    angle = z.edges[panel] + widths[panel] * jnp.asarray(gauss(least.shape[1]).nodes)[node]
+    is_left = ~(least[panel, node] > -_LEFT)  # NaN included
+    in_order = jnp.all(widths > -1e-7)
+    return Branches(~is_left & in_order, jnp.where(is_left, angle, jnp.inf))
 
 
 def keeps_within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:

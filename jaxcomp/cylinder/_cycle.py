@@ -409,5 +409,7 @@ def _refuse(x):
 def _refuse_jvp(primals, tangents):
     raise NotImplementedError(
         "Cycles that are marched have no derivatives. Give both ports a length, so that the gas in "
-        "them has inertia, and solve by collocation."
+        "them has inertia, and solve by collocation. Where they have one, collocation did not hold at "
+        "this machine: a valve grazes its seat or stop, or leaves it for a moment; a slightly other "
+        "speed or spring has derivatives."
     )

@@ -125,6 +125,7 @@ def stretch(
     max_passes,
     capacity: int,
     knots: tuple = (),
+    watched: tuple = (),
 ) -> Stretch:
     """March from an angle to another.
 
@@ -137,9 +138,11 @@ def stretch(
         max_passes: tries after which to give up.
         capacity: steps that are kept.
         knots: [rad] angles at which a step ends, which the record marks by `BEND`.
+        watched: [rad] the same without a mark: a step that dips beyond an event and out again does not
+            pass over them.
     """
     at_event = jnp.clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
-    route = _Route(law, stop, tolerance, at_event, capacity, knots)
+    route = _Route(law, stop, tolerance, at_event, capacity, knots, watched)
 
     def going_on(carry: _Carry):
         return (
@@ -169,7 +172,16 @@ class _Route(NamedTuple):
     tolerance: Float[Array, ""]  # [-] error of a step
     at_event: Float[Array, ""]  # [-] event function within which an event is located
     capacity: int  # steps that are kept
-    knots: tuple  # [rad] angles at which a step ends
+    knots: tuple  # [rad] angles at which a step ends, and is marked
+    watched: tuple  # [rad] angles at which a step ends without a mark
+
+    def ahead(self, angle):
+        """[rad] From an angle to the end or to the next angle at which a step ends."""
+        distance = self.stop - angle
+        for place in (*self.knots, *self.watched):
+            is_ahead = place > angle + _AT_KNOT
+            distance = jnp.where(is_ahead, jnp.minimum(distance, place - angle), distance)
+        return distance
 
 
 class _Search(NamedTuple):
@@ -226,8 +238,8 @@ def _beginning(route: _Route, start, state, flags) -> _Carry:
     # one row more than are kept takes what is thrown away
     record = empty_record(route.capacity + 1, law.state_size, flags.size)
     first = jnp.minimum(0.02, law.longest(flags))
-    if route.knots:
-        first = jnp.minimum(first, _ahead(start, route.stop, route.knots))
+    if route.knots or route.watched:
+        first = jnp.minimum(first, route.ahead(start))
     return _Carry(
         start, state, flags, unknown, first, first, _no_search(unknown), none, none, record
     )
@@ -350,7 +362,7 @@ def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
     # the width of a step that ends at an event says nothing of the error
     proposed = jnp.where(seeks, carry.next_width, carry.width * factor)
     proposed = jnp.minimum(proposed, longest)
-    distance = _ahead(angle, route.stop, route.knots)
+    distance = route.ahead(angle)
     ahead = jnp.minimum(proposed, distance)
     # a step that leaves a sliver would end in one of no width
     return jnp.where((distance - ahead < 1e-9) & (distance - ahead > 0), distance, ahead), proposed
@@ -377,14 +389,6 @@ def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code
 def _no_search(events) -> _Search:
     none = jnp.zeros(())
     return _Search(jnp.asarray(False), none, none, events, events, jnp.zeros((), int))
-
-
-def _ahead(angle, stop, knots: tuple):
-    """[rad] To the end or to the next knot."""
-    distance = stop - angle
-    for knot in knots:
-        distance = jnp.where(knot > angle + _AT_KNOT, jnp.minimum(distance, knot - angle), distance)
-    return distance
 
 
 def empty_record(rows: int, states: int, count: int) -> Record:

@@ -11,6 +11,7 @@ from ._evaluation import CycleSolution
 from ._options import COARSE, CycleOptions
 from ._panels import resolution
 from ._revolutions import START, march
+from ._several import NEAR
 from ._system import Cylinders
 from ._waves import WIDEST, waves_at_rest
 
@@ -38,13 +39,15 @@ def piped_rounds(
     max_rounds = max(options.max_rounds, _ROUNDS)
 
     def advance(carry):
-        state, flags, waves, previous, rounds = carry
+        state, flags, waves, watched, previous, rounds = carry
         ready = rounds < 0
         tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance
         is_marched = ~(previous.solved | ready)
         behind = system.with_waves(waves)
-        end = march(behind, options, tolerance, repeat, state, flags, is_marched, few)
+        end = march(
+            behind, options, tolerance, repeat, state, flags, is_marched, few, tuple(watched)
+        )
         laid = *lay(end, options), end.totals, end.change <= repeat
         if start is not None:
             of_start = start.mesh, start.z, start.events, start.totals, start.repeats
@@ -52,11 +55,12 @@ def piped_rounds(
         mesh, z, events, totals, repeats = laid
         tolerances = options.tolerance, options.max_newton
         cycle_and_waves, report = newton(system, mesh, Both(z, waves), *tolerances)
-        sound = mesh.fits & (report.size < 1e-7)
+        sound = mesh.fits & (report.size < NEAR)
         # harmonics of panels that are too wide are no more exact
         wide = jnp.max(jnp.diff(cycle_and_waves.panels.edges)) * system.orders / 2 > WIDEST
         coarse = sound & report.holds & ((resolution(cycle_and_waves.panels) > COARSE) | wide)
         coarse &= options.may_grow
+        mesh = mesh._replace(fits=mesh.fits & ~coarse)
         solution = CycleSolution(
             mesh=mesh,
             z=cycle_and_waves.panels,
@@ -79,8 +83,10 @@ def piped_rounds(
         followed = limited(system, waves, report.first)
         choose = partial(jnp.where, goes_on)
         waves = jax.tree.map(choose, cycle_and_waves.waves, followed)
-        usable = end.ended & mesh.fits & ~coarse
-        return state, flags, waves, solution, jnp.where(usable, rounds + 1, max_rounds)
+        watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
+        usable = end.ended & mesh.fits
+        rounds = jnp.where(usable, rounds + 1, max_rounds)
+        return state, flags, waves, watched, solution, rounds
 
     def going_on(carry):
         *_, solution, rounds = carry
@@ -93,5 +99,6 @@ def piped_rounds(
         assert start.waves is not None
         waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
     no_solution = no_solution._replace(waves=waves)
-    begin = state, flags, waves, no_solution, -1 * has_start
-    return lax.while_loop(going_on, advance, begin)[3]
+    watched = jnp.full(max_rounds, jnp.inf)
+    begin = state, flags, waves, watched, no_solution, -1 * has_start
+    return lax.while_loop(going_on, advance, begin)[4]

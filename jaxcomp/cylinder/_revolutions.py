@@ -36,7 +36,15 @@ class March(NamedTuple):
 
 
 def march(
-    system: Cylinders, options, tolerance, repeat, state, flags, is_marched, max_revolutions
+    system: Cylinders,
+    options,
+    tolerance,
+    repeat,
+    state,
+    flags,
+    is_marched,
+    max_revolutions,
+    watched: tuple = (),
 ) -> March:
     """Revolutions until the end is the beginning within `repeat`; none if they are not `is_marched`.
 
@@ -52,16 +60,18 @@ def march(
         state, flags: at the beginning.
         is_marched: whether to march at all.
         max_revolutions: after which to give up.
+        watched: [rad] crank angles at which a step ends, where an event is suspected; infinite for none.
     """
     arrays, static_part = eqx.partition(
-        (system, tolerance, repeat, state, flags, is_marched), eqx.is_array
+        (system, tolerance, repeat, state, flags, is_marched, watched), eqx.is_array
     )
 
     @jax.custom_batching.sequential_vmap
     def march_sample(arrays):
-        system, tolerance, repeat, state, flags, is_marched = eqx.combine(arrays, static_part)
+        numbers = eqx.combine(arrays, static_part)
+        system, tolerance, repeat, state, flags, is_marched, watched = numbers
         count = jnp.where(is_marched, max_revolutions, 0)
-        turn = partial(_revolve, system, options, tolerance)
+        turn = partial(_revolve, system, options, tolerance, watched)
         return _repeated(system, turn, repeat, state, flags, count, options.kept_steps)
 
     return march_sample(arrays)
@@ -95,7 +105,7 @@ class _Revolution(AbstractLaw):
         return self.system.longest(flags)
 
 
-def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
+def _revolve(system: Cylinders, options, tolerance, watched: tuple, state, flags) -> Stretch:
     """March through one revolution from `START`."""
     law = _Revolution(system, state.size)
     begin = jnp.concatenate([state, jnp.zeros(_ACCOUNTS * system.count)])
@@ -109,6 +119,7 @@ def _revolve(system: Cylinders, options, tolerance, state, flags) -> Stretch:
         options.passes_of_revolution,
         options.kept_steps,
         _bends(system),
+        watched,
     )
     next_state = system.next_revolution(end.state[: law.state_size])
     return end._replace(state=end.state.at[: law.state_size].set(next_state))

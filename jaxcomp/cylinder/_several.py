@@ -268,7 +268,24 @@ def of_each(cycle: Cycle | SeveralCycles) -> Cycle:
     return cycle.each if isinstance(cycle, SeveralCycles) else cycle
 
 
+# [-] Last step of Newton's method within which it has found a root of its equations.
+NEAR = 1e-7
+
+
+def is_near(cycle: Cycle) -> Bool[Array, ""]:
+    """Whether the equations of the cycle are solved, though a branch of the valves may be left.
+
+    So it may be at a motion on the way to that of the crank, which is a fair guess all the same.
+    """
+    is_root = (cycle.status == Status.not_converged) & (cycle.residual < NEAR)
+    return jnp.all(is_root | _is_found(cycle))
+
+
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
+    return jnp.all(_is_found(cycle))
+
+
+def _is_found(cycle: Cycle) -> Bool[Array, "*k"]:
     failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
-    return jnp.all(jnp.stack([cycle.status != outcome for outcome in failed]))
+    return jnp.all(jnp.stack([cycle.status != outcome for outcome in failed]), axis=0)

@@ -30,7 +30,7 @@ from ._panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
 from ._piped import piped_rounds
 from ._plenum import PER_PLENUM
 from ._revolutions import START, TURN, March, march
-from ._several import SeveralCycles, is_solved
+from ._several import NEAR, SeveralCycles, is_solved
 from ._system import Cylinders
 from ._waves import is_piped, pipings, waves_at_rest
 from .wall_network import OF_WALL
@@ -457,20 +457,24 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
     few = min(8, options.revolutions_at_most)
 
     def advance(carry):
-        state, flags, previous, rounds = carry
+        state, flags, watched, previous, rounds = carry
         ready = rounds < 0
         tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
         is_marched = ~(previous.solved | ready)
-        end = march(system, options, tolerance, repeat, state, flags, is_marched, few)
+        end = march(
+            system, options, tolerance, repeat, state, flags, is_marched, few, tuple(watched)
+        )
         laid = *_laid(end, options), end.totals, end.change <= repeat
         if start is not None:
             of_start = start.mesh, start.z, start.events, start.totals, start.repeats
             laid = jax.tree.map(partial(jnp.where, ready), of_start, laid)
         mesh, z, events, totals, repeats = laid
         new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
-        sound = mesh.fits & (report.size < 1e-7)
+        sound = mesh.fits & (report.size < NEAR)
         coarse = sound & report.holds & (resolution(new) > COARSE) & options.may_grow
+        # panels that resolve too little are too few
+        mesh = mesh._replace(fits=mesh.fits & ~coarse)
         solution = CycleSolution(
             mesh=mesh,
             z=new,
@@ -490,11 +494,15 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
         goes_on = sound & (least > 0.01)
         state = jnp.where(goes_on, new.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)
-        usable = end.ended & mesh.fits & ~coarse
-        return state, flags, solution, jnp.where(usable, rounds + 1, options.max_rounds)
+        # a step of the march may have dipped there beyond an event and out again; that of a start is
+        # noted in the last row, which no other round reads
+        watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
+        usable = end.ended & mesh.fits
+        rounds = jnp.where(usable, rounds + 1, options.max_rounds)
+        return state, flags, watched, solution, rounds
 
     def going_on(carry):
-        _, _, solution, rounds = carry
+        *_, solution, rounds = carry
         return ~solution.solved & (rounds < options.max_rounds)
 
     state, flags = system.initial(START)
@@ -503,8 +511,9 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
         no_solution_yet = no_solution_yet._replace(
             revolutions=start.revolutions, passes=start.passes
         )
-    begin = state, flags, no_solution_yet, -1 * has_start
-    return lax.while_loop(going_on, advance, begin)[2]
+    watched = jnp.full(options.max_rounds, jnp.inf)
+    begin = state, flags, watched, no_solution_yet, -1 * has_start
+    return lax.while_loop(going_on, advance, begin)[3]
 
 
 def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:

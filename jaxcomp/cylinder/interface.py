@@ -40,6 +40,7 @@ from ._plenum import chains as chains
 from ._plenum import first_states as first_states
 from ._revolutions import START as START
 from ._several import SeveralCycles as SeveralCycles
+from ._several import is_near as is_near
 from ._several import is_solved as is_solved
 from ._several import of_each as of_each
 from ._several import unsolved as unsolved
