@@ -14,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ._equilibrium import (
     Line,
@@ -167,6 +166,8 @@ def _warmest(phases: PhaseModel, curves: list[Line], z) -> DewCurve:
     rows = []
     for curve in curves:
         # smooth along the density, even past the highest temperature
+        from scipy.interpolate import CubicSpline  # not for machines without such a gas
+
         spline = CubicSpline(curve.unknowns[:, 0], curve.T)
         inside = (curve.unknowns[0, 0] <= log_density) & (log_density <= curve.unknowns[-1, 0])
         rows.append(np.where(inside, spline(log_density), 0.0))

@@ -40,7 +40,7 @@ STEPS = (1e-4, 3e-5, 1e-3)
 
 def at_speed(name: str, speed: int) -> Compressor:
     """A bundled machine at another mean speed [rpm]."""
-    return with_value(load(name), "motor.mean_speed", f"{speed} rpm").compressor
+    return with_value(load(name), "motor.mean_speed", f"{speed} rpm").as_compressor()
 
 
 def solved(compressor: Compressor) -> tuple[Orbit, float]:
