@@ -178,10 +178,10 @@ def test_condensate_in_a_cooler_is_refused_with_its_dew_point():
     """The pressure between the stages is found with the crank, and so is what condenses there."""
     fluid = Mixture(mole_fractions={"methane": 0.3, "R290": 0.7})
     with pytest.raises(SolveFailed) as failure:
-        solve_orbit(machine(cylinder(Intercooler(255.0, DROP), fluid=fluid)))
+        solve_orbit(machine(cylinder(Intercooler(230.0, DROP), fluid=fluid)))
     assert failure.value.status == Status.wet
     words = str(failure.value)
-    assert "suction line of stage 2 gas of -18.1 °C" in words
+    assert re.search(r"suction line of stage 2 gas of -43\.[12] °C", words)
     assert "later_stages.0.cooler.outlet_temperature" in words
     dew = float(re.findall(r"dew point, (-?[\d.]+) °C", words)[0])
     pressure = 1e5 * float(re.findall(r"at ([\d.]+) bar", words)[0])
