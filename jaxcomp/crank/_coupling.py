@@ -30,6 +30,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.elimination import solve_small
 from .._core.fields import replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, mix, zeros_of
@@ -247,7 +248,8 @@ def _between_after(cycle, between: Float[Array, " s"]) -> Float[Array, " s"]:
     excess = -jnp.diff(jnp.log(jnp.maximum(flow, least)))
     slopes = lax.stop_gradient(_slopes_between(cycle))
     # What a step may change is bounded before the slopes share it out, and the change after it.
-    change = jnp.linalg.solve(slopes, jnp.clip(excess, -jnp.log(4.0), jnp.log(4.0)))
+    bounded = jnp.clip(excess, -jnp.log(4.0), jnp.log(4.0))
+    change = solve_small(slopes, bounded[:, None])[:, 0]
     return between - jnp.clip(change, -jnp.log(2.0), jnp.log(2.0))
 
 
