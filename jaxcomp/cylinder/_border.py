@@ -29,7 +29,7 @@ from ._collocation import (
     Factors,
     Residual,
     assemble,
-    branches,
+    branches_of,
     factorise,
     keeps_within,
     residual,
@@ -390,22 +390,22 @@ def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int
                 previous_size,
                 count + 1,
                 moved,
-                branches(unknowns.panels, events),
+                branches_of(unknowns.panels, events),
             )
 
         endless = jnp.asarray(jnp.inf)
         begin = (unknowns, remainder, endless, endless, none, first, unknown)
-        unknowns, _, size, before, _, moved, left = lax.while_loop(fast, step, begin)
+        unknowns, _, size, before, _, moved, branches = lax.while_loop(fast, step, begin)
         first = jax.tree.map(lambda a, b: jnp.where(steps == 0, a, b), moved, first)
-        return unknowns, size, before, steps + 1, first, left
+        return unknowns, size, before, steps + 1, first, branches
 
     none = jnp.zeros((), int)
     no_change = jax.tree.map(jnp.zeros_like, start.waves)
     unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
     begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, no_change, unknown)
-    unknowns, size, _, steps, first, left = lax.while_loop(going_on, advance, begin)
-    holds = left.hold & keeps_within(system, mesh, unknowns.panels)
-    return unknowns, BorderReport(size, steps, holds, first, left.left_at)
+    unknowns, size, _, steps, first, branches = lax.while_loop(going_on, advance, begin)
+    holds = branches.hold & keeps_within(system, mesh, unknowns.panels)
+    return unknowns, BorderReport(size, steps, holds, first, branches.left_at)
 
 
 def limited(system: Cylinders, before: Waves, change: Waves) -> Waves:

@@ -287,19 +287,19 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
             size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
             z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
             remainder, events = evaluate(system, mesh, z)
-            return z, remainder, size, previous_size, count + 1, branches(z, events)
+            return z, remainder, size, previous_size, count + 1, branches_of(z, events)
 
         endless = jnp.asarray(jnp.inf)
         begin = (z, remainder, endless, endless, none, unknown)
-        z, _, size, before, count, left = lax.while_loop(fast, step, begin)
-        return z, size, before, steps + 1, chord_steps + count - 1, left
+        z, _, size, before, count, branches = lax.while_loop(fast, step, begin)
+        return z, size, before, steps + 1, chord_steps + count - 1, branches
 
     none = jnp.zeros((), int)
     unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
     begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, unknown)
-    z, size, _, steps, chord_steps, left = lax.while_loop(going_on, advance, begin)
-    holds = left.hold & keeps_within(system, mesh, z)
-    return z, NewtonReport(size, steps, chord_steps, holds, left.left_at)
+    z, size, _, steps, chord_steps, branches = lax.while_loop(going_on, advance, begin)
+    holds = branches.hold & keeps_within(system, mesh, z)
+    return z, NewtonReport(size, steps, chord_steps, holds, branches.left_at)
 
 
 class Branches(NamedTuple):
@@ -309,7 +309,7 @@ class Branches(NamedTuple):
     left_at: Float[Array, ""]  # [rad] where one is left most; infinite where none is
 
 
-def branches(z: Unknowns, events) -> Branches:
+def branches_of(z: Unknowns, events) -> Branches:
     """Whether every branch holds at every node of a panel with some width, and where not."""
     widths = jnp.diff(z.edges)
     is_wide = (widths > 1e-7)[:, None, None]

@@ -135,6 +135,7 @@ def test_derivatives_of_cycle_and_crank_agree_with_differences():
         np.testing.assert_allclose(forward[:, column], difference, atol=2e-6)
 
 
+@pytest.mark.slow  # half a minute of compiling
 def test_a_change_of_the_crank_reaches_the_cycle_through_the_motion_alone():
     """Nothing in the cylinder knows the inertia of the crank: its derivative is that of the coupling."""
     plain = eqx.tree_at(

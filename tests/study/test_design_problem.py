@@ -144,6 +144,7 @@ def test_a_design_out_of_bounds_is_marked_and_finite(mayekawa):
     assert np.all(np.isfinite(answers.values))
 
 
+@pytest.mark.slow  # a minute: the derivative of a machine with valves is compiled
 def test_a_design_that_was_not_solved_has_no_slope(mayekawa):
     quantities = ["mechanical_efficiency"]
     ranges = {"mechanism.bore": (0.1, 0.14)}

@@ -52,7 +52,7 @@ def errors(name: str, data: str, evaporating, condensing, speed=None, rating="ah
     [
         # of all its parts the solution takes half a minute; the others are as well measured
         pytest.param("carlyle-06dm313", "06dm313_r22", marks=pytest.mark.slow),
-        ("copeland-3db3-1000", "3db3-1000_r22_60hz"),
+        pytest.param("copeland-3db3-1000", "3db3-1000_r22_60hz", marks=pytest.mark.slow),
         ("copeland-crk3-0325", "crk3-0325_r22"),
     ],
 )

@@ -144,6 +144,7 @@ def test_the_command_writes_what_it_prints(tmp_path):
     assert "quantity" in done.output
 
 
+@pytest.mark.slow  # half a minute: two sizes of derivatives are compiled
 def test_stated_errors_of_derivatives_hold():
     scene = load("mayekawa-wbhe")
     stated = sensitivity(scene, ["mechanical_efficiency"], verify=True)
