@@ -2,8 +2,7 @@
 
     python tests/first_hour.py             # every mistake, answered well or not
     python tests/first_hour.py --tasks     # times of each task, at the first and at the second start,
-                                           # on the clock and of the processors, and the rows of
-                                           # `jaxcomp._core.waits.USUAL` that follow
+                                           # on the clock and of the processors
 
 An answer is good if the mistake is refused (or, where it may be meant, pointed at), without a
 traceback, in a few lines that name the entry, its value, and what it must be or what to write.
@@ -30,7 +29,6 @@ from typer.testing import CliRunner
 
 import jaxcomp as jc
 from jaxcomp._core import registry
-from jaxcomp._core.waits import Wait, earlier_waits
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError, start
 from jaxcomp.study.tolerance import within
@@ -1256,13 +1254,8 @@ def answers(
             yield name, seen, wrong or ("took too long" if taken > WAIT else ""), taken
 
 
-def times(
-    tasks: dict[str, tuple[str, ...]], waits: list[Wait]
-) -> Iterator[tuple[str, list[float], str]]:
-    """Name, seconds of clock and processors at either start, and what went wrong, of each task.
-
-    `waits` takes how long programs of the commands compiled.
-    """
+def times(tasks: dict[str, tuple[str, ...]]) -> Iterator[tuple[str, list[float], str]]:
+    """Name, seconds of clock and processors at either start, and what went wrong, of each task."""
     with tempfile.TemporaryDirectory() as folder:
         for name, script in SCRIPTS.items():
             (Path(folder) / name).write_text(script)
@@ -1288,7 +1281,6 @@ def times(
                     wrong = f"{wrong}{done.stderr[-2000:]}" if done.returncode else wrong
                 taken += [time.perf_counter() - begun, _worked() - worked]
             yield name, taken, wrong
-        waits += earlier_waits(Path(environment["JAXCOMP_CACHE"]))
 
 
 def _worked() -> float:
@@ -1307,13 +1299,10 @@ def main() -> int:
         failed = 0
         print("| task | first start | of the processors | second start | of the processors |")
         print("|---|---|---|---|---|")
-        waits: list[Wait] = []
-        for name, taken, wrong in times(TASKS, waits):
+        for name, taken, wrong in times(TASKS):
             failed += bool(wrong)
             cells = " | ".join(f"{one:.1f} s" for one in taken)
             print(f"| {name} | {cells} |{wrong and f' {wrong}'}", flush=True)
-        for wait in waits:
-            print(f"    {wait._replace(seconds=0.0)},  # {wait.seconds:.0f} s here")
         return bool(failed)
     chosen = {n: m for n, m in MISTAKES.items() if (options.show or "") in n}
     bad, begun = 0, time.perf_counter()

@@ -2,8 +2,8 @@
 
 A task is a command of the program, and machines of one kind are told apart by the size of the first
 program that takes long: the texts of their programs are alike. What was measured on this machine stands
-in a file beside the programs that are kept; before anything was, sizes that such tasks usually have,
-and the seconds that a byte of text takes elsewhere, stand for it.
+in a file beside the programs that are kept. Before anything was, a program is told by itself, with the
+seconds that a byte of text takes elsewhere.
 """
 
 import contextlib
@@ -31,18 +31,14 @@ class Wait(NamedTuple):
         first: [bytes] text of the first program that takes long.
         programs: number of programs.
         size: [bytes] text of all of them.
-        seconds: that all of them took; zero where nobody has measured.
+        seconds: that all of them took.
     """
 
     task: str
     first: int
     programs: int
     size: int
-    seconds: float = 0.0
-
-
-# Measured by `python tests/first_hour.py --tasks`.
-USUAL: tuple[Wait, ...] = ()
+    seconds: float
 
 
 def earlier_waits(folder: Path | None) -> list[Wait]:
@@ -78,13 +74,10 @@ def seconds_of(size: int, waits: Iterable[Wait]) -> float:
 
 def expected(task: str, first: int, waits: list[Wait]) -> Wait | None:
     """Wait of a task whose first long program has so many bytes; `None` if no such task is known."""
-    present = Wait(task, first, 1, first)
+    present = Wait(task, first, 1, first, 0.0)
     for earlier in reversed(waits):
         if _is_alike(earlier, present):
             return earlier
-    for usual in USUAL:
-        if _is_alike(usual, present):
-            return usual._replace(seconds=seconds_of(usual.size, waits))
     return None
 
 
