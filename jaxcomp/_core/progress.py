@@ -112,11 +112,15 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
     if size >= _COUNTED:
         _Compiles.programs += 1
         _Compiles.size += size
-    waits = earlier_waits(_folder())
-    seconds = seconds_of(size, waits)
     by_setting = os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
     requested = _Compiles.announced or by_setting or _in_notebook()
-    if not requested or not shows_waits() or seconds < _AFTER:
+    if not requested or not shows_waits():
+        yield
+        return
+    # a file is read, which programs that nobody waits for have no need of
+    waits = earlier_waits(_folder())
+    seconds = seconds_of(size, waits)
+    if seconds < _AFTER:
         yield
         return
     is_known = bool(_Compiles.total)
