@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from ._core.each import AbstractEach, listed, of_cylinder
 from ._core.errors import BadInput, no_machine
+from ._core.extremes import max_of, maximum, min_of
 from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, replaced, subparts
 from .crankshaft import Crankshaft
 from .crankshaft.interface import MachineLoops, machine_loops
@@ -170,7 +171,7 @@ def _check_ports(compressor: Compressor) -> None:
     for number in sorted(set(stages)):
         where = "gas" if number == 1 else f"gas.later_stages.{number - 2}"
         of_stage = np.flatnonzero(np.array(stages) == number)
-        bore = float(2 * jnp.sqrt(jnp.min(areas[of_stage]) / jnp.pi))
+        bore = float(2 * jnp.sqrt(min_of(areas[of_stage]) / jnp.pi))
         _check_rod_and_ports(gas.stage(number), where, bore)
 
 
@@ -209,7 +210,7 @@ def _check_pipes(compressor: Compressor) -> None:
     gas = compressor.gas
     if not isinstance(gas, Cylinder):
         return
-    bore = 2 * jnp.sqrt(jnp.max(compressor.mechanism.piston_area) / jnp.pi)
+    bore = 2 * jnp.sqrt(max_of(compressor.mechanism.piston_area) / jnp.pi)
     for name, piping in zip(("suction", "discharge"), pipings(gas), strict=True):
         if piping is None:
             continue
@@ -390,7 +391,7 @@ def _stroke(mechanism: AbstractMechanism, angle, kinematics: AbstractKinematics,
     top, bottom = mechanism.piston_extremes()
     area = mechanism.piston_area
     # rounding must not push the volume below that of the dead centre
-    displaced = area * jnp.maximum(top - kinematics.position, 0.0)
+    displaced = area * maximum(top - kinematics.position, 0.0)
     return Stroke(angle, displaced, area * (top - bottom), jnp.sign(kinematics.position_1) * sense)
 
 

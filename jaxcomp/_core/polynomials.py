@@ -9,6 +9,8 @@ from jax import lax
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 
+from .extremes import clip
+
 
 class Rule(NamedTuple):
     """Gauss-Legendre on [0, 1]."""
@@ -30,7 +32,7 @@ class Rule(NamedTuple):
         """
         diagonal = np.eye(self.nodes.size, dtype=bool)
         between = 1 / np.prod(np.where(diagonal, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
-        away = jnp.clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
+        away = clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
         return between * jnp.prod(jnp.where(diagonal, 1.0, away), axis=-1)
 
     @property
@@ -111,7 +113,7 @@ def cubics(
     slopes: Float[Array, " n"],
 ) -> Float[Array, "*m"]:
     """Value at x of the cubics between points with these slopes; those at the ends go on beyond."""
-    interval = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
+    interval = clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
     width = knots[interval + 1] - knots[interval]
     t = (x - knots[interval]) / width
     return cubic_step(

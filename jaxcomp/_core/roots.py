@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
+from .extremes import max_of, maximum, minimum
 from .fields import is_traced
 
 Y = TypeVar("Y")
@@ -401,8 +402,8 @@ def _neumann(tolerance, max_iterations):
 
 def _share(share: Float[Array, ""], jumps: Bool[Array, ""]) -> Float[Array, ""]:
     """The share of the next step that is taken."""
-    smaller = jnp.maximum(0.5 * share, _SMALLEST_SHARE)
-    return jnp.where(jumps, smaller, jnp.minimum(_REGROWTH * share, 1.0))
+    smaller = maximum(0.5 * share, _SMALLEST_SHARE)
+    return jnp.where(jumps, smaller, minimum(_REGROWTH * share, 1.0))
 
 
 def _distance(a, b) -> Float[Array, ""]:
@@ -411,4 +412,4 @@ def _distance(a, b) -> Float[Array, ""]:
 
 def _largest(tree) -> Float[Array, ""]:
     leaves = [leaf for leaf in jax.tree.leaves(tree) if leaf.size]
-    return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in leaves]))
+    return max_of(jnp.stack([max_of(jnp.abs(leaf)) for leaf in leaves]))

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..mechanism import SliderCrank
 from ..rotor import BalancingPlanes, RotorModel, Unbalances
@@ -89,7 +90,7 @@ def rigid_balance(
     # Moments about the first plane, about which its own correction has none.
     far = -couple / (second - first)
     allowed = permissible_unbalance(grade, mass, speed)
-    share = jnp.clip((second - centre) / (second - first), 0.3, 0.7)  # 30 to 70 % by the standard
+    share = clip((second - centre) / (second - first), 0.3, 0.7)  # 30 to 70 % by the standard
     return PlanePair(jnp.stack([-total - far, far]), allowed * jnp.stack([share, 1 - share]))
 
 

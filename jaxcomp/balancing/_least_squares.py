@@ -15,6 +15,7 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import max_of, maximum, min_of, minimum
 from .._core.fields import is_traced
 from .._core.status import Status
 from .._core.words import one_of
@@ -114,11 +115,11 @@ def bounded(
     def advance(carry):
         x, multiplier, _, low, steps = carry
         x, multiplier = discs.advanced(x, multiplier)
-        low = jnp.maximum(low, discs.bound(multiplier))
+        low = maximum(low, discs.bound(multiplier))
         return x, multiplier, discs.squares(x), low, steps + 1
 
     x = jnp.zeros(2 * count)
-    multiplier = jnp.full(count, jnp.max(jnp.abs(discs.a.T @ discs.b)) + 1e-300)
+    multiplier = jnp.full(count, max_of(jnp.abs(discs.a.T @ discs.b)) + 1e-300)
     start = (x, multiplier, discs.squares(x), jnp.zeros(()), jnp.asarray(0))
     x, _, high, low, _ = lax.while_loop(going_on, advance, start)
     good = jnp.all(largest > 0)
@@ -147,7 +148,7 @@ def bounds_of(influence: Influence, largest: Any) -> Any:
     for name in largest:
         if name not in influence.planes:
             raise BadInput(f"largest.{name}", name, one_of(name, influence.planes))
-    largest_correction = jnp.max(jnp.abs(least_squares(influence).correction))
+    largest_correction = max_of(jnp.abs(least_squares(influence).correction))
     free = 1e3 * (sum(largest.values()) + largest_correction)
     return jnp.stack([jnp.asarray(largest.get(name, free)) for name in influence.planes])
 
@@ -196,7 +197,7 @@ class _Discs(NamedTuple):
         ends = 2 * room / (along + jnp.sqrt(along**2 + 2 * step_squared * room) + 1e-300)
         ends = jnp.append(ends, jnp.where(change < 0, -multiplier / change, jnp.inf))
         # Short of the bound, where the next step divides by room and multipliers.
-        share = jnp.minimum(1.0, 0.99 * jnp.min(ends))
+        share = minimum(1.0, 0.99 * min_of(ends))
         return x + share * step, multiplier + share * change
 
 

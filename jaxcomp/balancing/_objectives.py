@@ -23,6 +23,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import max_of, maximum, minimum
 from .._core.status import SolveFailed, Status
 from ._balance import Balance, balance
 from ._influence import Influence
@@ -38,7 +39,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
         max_steps: after which to stop; the gap shows what was reached.
     """
     matrix, initial = influence.weighted
-    scale = jnp.maximum(jnp.max(jnp.abs(initial)), 1e-300)
+    scale = maximum(max_of(jnp.abs(initial)), 1e-300)
     rows = initial.size
 
     def solve(share):
@@ -55,12 +56,12 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     def advance(carry):
         share, best, highest, lowest, steps = carry
         solution, sizes, below = solve(share)
-        top = jnp.max(sizes)
+        top = max_of(sizes)
         best = jnp.where(top < highest, solution, best)
         # A row that ever gets no weight never gets any again: a trace of it stays.
-        grown = jnp.maximum(share * sizes, 1e-14 * top / rows)
+        grown = maximum(share * sizes, 1e-14 * top / rows)
         grown = grown / jnp.sum(grown)
-        return grown, best, jnp.minimum(highest, top), jnp.maximum(lowest, below), steps + 1
+        return grown, best, minimum(highest, top), maximum(lowest, below), steps + 1
 
     # No correction at all reaches 1, the largest vibration before; nothing gets below 0.
     even = jnp.full(rows, 1.0 / rows)
@@ -69,7 +70,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
     _, best, highest, lowest, steps = lax.while_loop(going_on, advance, start)
     failure = Status.where(
         # By the gap alone: the last step that was allowed may have closed it.
-        going_on((even, best, highest, lowest, jnp.minimum(steps, max_steps - 1))),
+        going_on((even, best, highest, lowest, minimum(steps, max_steps - 1))),
         Status.not_converged,
         Status.converged,
     )

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum, minimum
 from .._core.roots import FixedPointReport, fixed_point
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loop_of
@@ -197,9 +198,9 @@ def _with_layers(parameters: OrbitParameters) -> OrbitParameters:
     kinks = parameters.edges[:-1]
     width = jnp.diff(parameters.edges)
     # in much narrower panels the rounding of their angles would count
-    layer = jnp.maximum(2 / jnp.maximum(motor_steepness(parameters), 1e-3), 1e-4)
+    layer = maximum(2 / maximum(motor_steepness(parameters), 1e-3), 1e-4)
     # continuous in the stiffness: wider with the layer, then narrower again
-    layer = jnp.clip(jnp.minimum(layer, 0.75 * width - layer), 0.0, None)
+    layer = maximum(minimum(layer, 0.75 * width - layer), 0.0)
     layer = jnp.where(layer < 1e-4, 0.0, layer)
     kinks = jnp.sort(jnp.concatenate([kinks, kinks + layer]))
     return eqx.tree_at(lambda k: k.edges, parameters, revolution_edges(kinks))

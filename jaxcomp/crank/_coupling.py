@@ -31,6 +31,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.elimination import solve_small
+from .._core.extremes import clip, max_of, maximum
 from .._core.fields import replaced
 from .._core.polynomials import gauss
 from .._core.roots import frozen, mix, zeros_of
@@ -244,13 +245,13 @@ def _between_after(cycle, between: Float[Array, " s"]) -> Float[Array, " s"]:
     delivers nothing a pressure goes on as far as a factor of two.
     """
     flow = cycle.flow_of_stages
-    least = 1e-9 * jnp.max(cycle.each.case.mass_scale)
-    excess = -jnp.diff(jnp.log(jnp.maximum(flow, least)))
+    least = 1e-9 * max_of(cycle.each.case.mass_scale)
+    excess = -jnp.diff(jnp.log(maximum(flow, least)))
     slopes = lax.stop_gradient(_slopes_between(cycle))
     # What a step may change is bounded before the slopes share it out, and the change after it.
-    bounded = jnp.clip(excess, -jnp.log(4.0), jnp.log(4.0))
+    bounded = clip(excess, -jnp.log(4.0), jnp.log(4.0))
     change = solve_small(slopes, bounded[:, None])[:, 0]
-    return between - jnp.clip(change, -jnp.log(2.0), jnp.log(2.0))
+    return between - clip(change, -jnp.log(2.0), jnp.log(2.0))
 
 
 def _slopes_between(cycle) -> Float[Array, "s s"]:
@@ -361,8 +362,8 @@ def _mixed_solution(matvec, right_side):
     """The solution of a linear system that is near the identity."""
     # Its matrix is never formed: a product costs as much as a step, and few are needed. Scaled, since
     # the tolerance of `mix` is one of numbers of order one and tangents have any size.
-    largest = [jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(right_side)]
-    scale = jnp.max(jnp.stack(largest))
+    largest = [max_of(jnp.abs(leaf)) for leaf in jax.tree.leaves(right_side)]
+    scale = max_of(jnp.stack(largest))
     scale = jnp.where(scale > 0, scale, 1.0)
     target = jax.tree.map(lambda leaf: leaf / scale, right_side)
 

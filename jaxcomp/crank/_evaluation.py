@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of, maximum, min_of
 from .._core.roots import FixedPointReport, frozen
 from .._core.status import Status
 from ..compressor import Instants, instants, loop_of
@@ -150,7 +151,7 @@ def _status(
     scales = parameters.scales
     status = closure_of(motor).verdict(motor, period, growth, status)
     _, total_energy = floored_energy(at.inertia, scales, energy)
-    floored = jnp.min(total_energy) <= 2 * ENERGY_FLOOR * scales.energy
+    floored = min_of(total_energy) <= 2 * ENERGY_FLOOR * scales.energy
     return Status.where(floored, Status.stalled, status)
 
 
@@ -209,7 +210,7 @@ def _quadrature_error(grids: _Grids, row: Float[Array, "*j r"]) -> Float[Array, 
     finer = grids.finer(row)
     change = jnp.abs(finer @ fine.rule.weights - values @ grid.rule.weights)
     highest_terms = jnp.sum(jnp.abs(finer @ fine.rule.to_legendre[-2:].T), axis=-1)
-    return jnp.sum(grid.width * jnp.maximum(_SAFETY * change, 2 * highest_terms), axis=-1)
+    return jnp.sum(grid.width * maximum(_SAFETY * change, 2 * highest_terms), axis=-1)
 
 
 def _by_loss(loads: JointLoads, function) -> dict[str, Float[Array, ""]]:
@@ -259,7 +260,7 @@ def orbit_on_panels(
     sizes = magnitude(*jnp.stack(list(loads.forces.values()), axis=1))
     peaks = find(sizes)
     terms = jnp.abs(lax.stop_gradient(sizes) @ grid.rule.to_legendre.T)
-    error = jnp.max(terms[..., -2] + terms[..., -1], axis=-1)
+    error = max_of(terms[..., -2] + terms[..., -1], axis=-1)
 
     def flat(values):
         # sizes in full: a mechanism may have no near-zero loads, and -1 has no meaning then
@@ -293,6 +294,6 @@ def orbit_on_panels(
 
 def _resolution(grid: Panels, speed: Float[Array, "p s"]) -> Float[Array, ""]:
     terms = jnp.abs(speed @ grid.rule.to_legendre.T)
-    swing = jnp.max(speed) - jnp.min(speed)
+    swing = max_of(speed) - min_of(speed)
     # a swing below a millionth of the speed is of no interest, and ends in rounding
-    return jnp.max(terms[:, -2] + terms[:, -1]) / (swing + 1e-6 * jnp.max(speed))
+    return max_of(terms[:, -2] + terms[:, -1]) / (swing + 1e-6 * max_of(speed))

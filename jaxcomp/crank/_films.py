@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.each import of_cylinder
 from .._core.exported import kept_jit
+from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.polynomials import Rule, gauss
 from .._core.results import Result, reading
 from ..compressor import Compressor
@@ -134,10 +135,10 @@ def _share_below(values, duration, bound):
     # Interpolated and not counted node by node: the share is continuous in the design then, and has
     # derivatives.
     after, wide = (jnp.roll(x, -1) for x in (values, duration))
-    low = jnp.minimum(values, after)
-    high = jnp.maximum(values, after)
+    low = minimum(values, after)
+    high = maximum(values, after)
     rise = jnp.where(high > low, high - low, 1.0)
-    part = jnp.where(high > low, jnp.clip((bound - low) / rise, 0, 1), low < bound)
+    part = jnp.where(high > low, clip((bound - low) / rise, 0, 1), low < bound)
     return jnp.sum((duration + wide) * part) / jnp.sum(duration + wide)
 
 
@@ -247,7 +248,7 @@ def read_film(law, position, load, rates, duration, rule: Rule, width) -> Journa
 
     on_panels = position.reshape(2, -1, rule.nodes.size)
     # the polynomials of a coarse orbit may leave the bush between their nodes
-    largest = jnp.minimum(farthest(rule, width, on_panels), 1.0)
+    largest = minimum(farthest(rule, width, on_panels), 1.0)
     loss = mean(at["shear_loss"] + at["squeeze_loss"] + at["contact_loss"])
     leaving = mean(at["flow"])
     # the coefficients come over the clearance, as the positions do
@@ -369,11 +370,11 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
             bearing = prepare(law)
             rate = rates[name]
             film: Any = bearing.film
-            ratio = jnp.maximum(gap / roughness - 1, 0.0)
+            ratio = maximum(gap / roughness - 1, 0.0)
             largest_number = ratio * film.load_gain(ratio)
             number = load_number(bearing, jnp.hypot(*orbit.loads.forces[name]), rate)
             # a rate that keeps its sign all the revolution
-            turns = jnp.min(rate) * jnp.max(rate) > 0
+            turns = min_of(rate) * max_of(rate) > 0
             thin |= turns & jnp.any(number > largest_number)
     return thin
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.arguments import counted
+from .._core.extremes import clip
 from ..compressor import Compressor
 from ..mechanism import CrankState
 from ._journals import journal_drive
@@ -74,10 +75,10 @@ def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=No
     A place is first moved off the edges of its panel by more than rounding, because a stage on an edge
     would take the formula of either side, its directions and phases, at random.
     """
-    panel = jnp.clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
+    panel = clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
     start = edges[panel]
     end = edges[panel + 1]
-    at = jnp.clip(place, start + 1e-10, end - 1e-10)
+    at = clip(place, start + 1e-10, end - 1e-10)
     if moved is None:
         return at, jnp.ones(())
     wide = end > start

@@ -22,6 +22,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import clip, max_of, maximum, min_of
 from .._core.roots import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..crankshaft.interface import MachineLoops
@@ -66,7 +67,7 @@ class Resolution(eqx.Module):
             distance = 0.1 * 0.15 ** jnp.arange(self.grading)
             around = jnp.concatenate([-distance, distance, jnp.zeros(1)])
             inner = jnp.concatenate([kinks, (minima[:, None] + around).ravel()])
-            edges = jnp.sort(jnp.concatenate([edges, jnp.clip(inner, edges[0], edges[-1])]))
+            edges = jnp.sort(jnp.concatenate([edges, clip(inner, edges[0], edges[-1])]))
         return panels(edges, self.nodes)
 
 
@@ -127,9 +128,9 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> OrbitParameter
     at = lax.stop_gradient(instants(compressor, edges))
     speed = lax.stop_gradient(compressor.motor.speed_guess)
     energy = 0.5 * jnp.mean(at.inertia) * speed**2
-    force = jnp.max(jnp.abs(at.gas_force))
+    force = max_of(jnp.abs(at.gas_force))
     stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
-    force += energy / jnp.min(stroke)
+    force += energy / min_of(stroke)
     curve = closure_of(compressor.motor).needs_steepness
     base = speed if curve else jnp.zeros_like(speed)
     return OrbitParameters(compressor, edges, UnknownScales(speed, energy, force, base))
@@ -164,7 +165,7 @@ def floored_energy(inertia, scales: UnknownScales, energy):
     """
     base = 0.5 * inertia * scales.base**2
     # the difference is floored and the base added, not the reverse: a small slip keeps its digits
-    counted = jnp.maximum(energy * scales.energy, ENERGY_FLOOR * scales.energy - base)
+    counted = maximum(energy * scales.energy, ENERGY_FLOOR * scales.energy - base)
     return counted, counted + base
 
 
@@ -234,7 +235,7 @@ def steepness(
         lambda *direction: jax.jvp(torques, (energy, acceleration, force), direction)[1]
     )(*directions)
     # the loops of several cylinders do not know each other; the floor is that of `_Equation.newton`
-    follows = -excess[0] / jnp.maximum(jnp.sum(excess[1:], axis=0), 1e-3)
+    follows = -excess[0] / maximum(jnp.sum(excess[1:], axis=0), 1e-3)
     return (net[0] + jnp.sum(follows * net[1:], axis=0)) / scales.energy
 
 
@@ -342,14 +343,14 @@ def improve(
     value = jnp.zeros_like(places)
     if places.size:
         at_places = jnp.stack([points.beyond(row) for row in rows])
-        value = jnp.take_along_axis(at_places, jnp.maximum(reversals.row, 0)[None], axis=0)[0]
+        value = jnp.take_along_axis(at_places, maximum(reversals.row, 0)[None], axis=0)[0]
         if cut is None:
             # along the slope of the quantity to where it vanishes; unused ones wait at the first edge
             unused = jnp.where(reversals.moving, parameters.edges[0], places)
             used = reversals.moving & (reversals.row >= 0)
             # Not across a kink that is known: behind it the quantity has another slope, or has jumped,
             # and the place would hop to and fro. Beside it an edge is as good as at the reversal.
-            followed = jnp.clip(places - value / reversals.slope, reversals.low, reversals.high)
+            followed = clip(places - value / reversals.slope, reversals.low, reversals.high)
             moved = jnp.where(used, followed, unused)
             better = _carried(parameters, resolution, grid, (places, moved), better)
     return better, marks, value

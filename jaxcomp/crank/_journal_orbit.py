@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from .._core.each import mapped
 from .._core.exported import kept_jit
+from .._core.extremes import clip
 from .._core.fields import rebuilt
 from .._core.results import Data, Result, reading
 from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
@@ -82,7 +83,7 @@ def journal_orbit(
     count = math.ceil(_PANELS * max(period / (2 * math.pi), 1.0) - 1e-9)
     even = edges[0] + jnp.linspace(0, period, count + 1)
     speed = jnp.asarray(speed, float)
-    edges = jnp.concatenate([even, jnp.clip(edges[1:], even[0], even[-1])])
+    edges = jnp.concatenate([even, clip(edges[1:], even[0], even[-1])])
 
     def solved(edges) -> JournalOrbit:
         grid = panels(jnp.sort(edges), nodes)

@@ -18,6 +18,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.each import mapped, of_cylinder
+from .._core.extremes import max_of, maximum, min_of, minimum
 from .._core.fields import rebuilt
 from .._core.polynomials import Rule
 from .._core.status import Status
@@ -132,8 +133,8 @@ def position_error(rule: Rule, positions: Float[Array, "2 *k p s"]) -> Float[Arr
     fixed = lax.stop_gradient(positions)
     terms = jnp.hypot(*jnp.sum(jnp.abs(fixed @ rule.to_legendre[-2:].T), axis=-1))
     between = fixed @ rule.through(np.linspace(0.0, 1.0, 2 * rule.nodes.size + 1)).T
-    thinnest = jnp.argmax(jnp.max(jnp.hypot(*between), axis=-1), axis=-1)[..., None]
-    nearby_terms = jnp.maximum(terms, jnp.roll(terms, 1, axis=-1))
+    thinnest = jnp.argmax(max_of(jnp.hypot(*between), axis=-1), axis=-1)[..., None]
+    nearby_terms = maximum(terms, jnp.roll(terms, 1, axis=-1))
     return jnp.take_along_axis(nearby_terms, thinnest, axis=-1)[..., 0]
 
 
@@ -247,11 +248,11 @@ def orbit_status(
     """
     size = jnp.hypot(*positions)
     over = (-2, -1)
-    line = drive.force / jnp.maximum(jnp.hypot(*drive.force), 1e-300)
+    line = drive.force / maximum(jnp.hypot(*drive.force), 1e-300)
     sinking = jnp.sum(line * drive.rate(CLOSED * line), axis=0) > 0.5 * (1 - CLOSED)
     closed = size > CLOSED
     closes = (jnp.any(closed, over) & jnp.any(sinking, over)) | (jnp.mean(closed, over) > 0.5)
-    room = jnp.maximum(1 - jnp.max(size, over), 1 - CLOSED)
+    room = maximum(1 - max_of(max_of(size, -1), -1), 1 - CLOSED)
     coarse = (position_error(rule, positions) > _COARSE * room) | jnp.any(closed, over)
     status = Status.where(jnp.any(coarse), Status.unresolved, status)
     return Status.where(jnp.any(closes), Status.film_collapse, status)
@@ -307,7 +308,7 @@ def improved_positions(
     power = jnp.sum(drive.film_force(position) * film, axis=0)
     # far from the orbit the squeeze takes any power: it counts once the journals have come near
     moved, before = (jnp.hypot(*lax.stop_gradient(e)) for e in (new - position, position))
-    near = jnp.max(moved / jnp.maximum(1 - before, 1e-12)) < _NEAR
+    near = max_of(moved / maximum(1 - before, 1e-12)) < _NEAR
     return new, jnp.where(near, power, 0.0)
 
 
@@ -381,7 +382,7 @@ def _two_by_two(matrix, right):
 def _step_share(drive, position, new) -> Float[Array, "k 1 1"]:
     """The share of a step after which no journal has come too near to its bush."""
     before, after = (jnp.hypot(*lax.stop_gradient(e)) for e in (position, new))
-    room = jnp.maximum(1 - before, 1e-12)
+    room = maximum(1 - before, 1e-12)
     room_left = _ROOM_LEFT * room
     if drive.over is not None:
         near = []
@@ -391,10 +392,10 @@ def _step_share(drive, position, new) -> Float[Array, "k 1 1"]:
                 touching = _TOUCHING / film.contact.ratio
             near.append(touching)
         near = lax.stop_gradient(jnp.stack(near))[:, None, None]
-        room_left = jnp.maximum(room_left, jnp.minimum(_ROOM_IN_CONTACT * room, near))
-    share = (room - room_left) / jnp.maximum(after - before, 1e-300)
+        room_left = maximum(room_left, minimum(_ROOM_IN_CONTACT * room, near))
+    share = (room - room_left) / maximum(after - before, 1e-300)
     share = jnp.where(after > before, share, 1.0)
-    return jnp.minimum(jnp.min(share, axis=(-2, -1), keepdims=True), 1.0)
+    return minimum(min_of(min_of(share, axis=-1), axis=-1)[..., None, None], 1.0)
 
 
 def journal_torque(

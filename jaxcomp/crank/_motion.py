@@ -20,6 +20,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.elimination import solve_small
+from .._core.extremes import max_of, maximum, min_of
 from .._core.roots import AbstractRoot, root
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
@@ -166,10 +167,10 @@ class _Equation(AbstractRoot):
         torque, force = residual
         by_torque, by_force = slopes
         # joints that lock have slopes that are not positive; those of the bare machine are safe
-        stiff = jnp.maximum(jnp.sum(by_force[1:], axis=0), 1e-3)
+        stiff = maximum(jnp.sum(by_force[1:], axis=0), 1e-3)
         inertia = by_torque[0] - jnp.sum(by_torque[1:] * by_force[0] / stiff, axis=0)
         # near self-locking the effective inertia passes zero: a step of the wrong sign would not return
-        inertia = jnp.maximum(inertia, 0.1 * self.at.inertia)
+        inertia = maximum(inertia, 0.1 * self.at.inertia)
         change = -(torque - jnp.sum(by_torque[1:] * force / stiff, axis=0)) / inertia
         return change, -(force + by_force[0] * change) / stiff
 
@@ -272,15 +273,15 @@ def _energy_for_period(course: Course, gained, period):
     """
     # dt = sqrt(J/2E) dtheta. Two steps, since the iteration of the orbit goes on from the last value.
     root = jnp.sqrt(course.inertia / (2 * course.energy_scale)) * course.grid.weight
-    lowest = lax.stop_gradient(jnp.min(gained))
+    lowest = lax.stop_gradient(min_of(gained))
     least = 1e-3 * jnp.abs(lowest) - lowest
-    first = jnp.maximum(course.first_energy, least)
+    first = maximum(course.first_energy, least)
     for _ in range(2):
-        level = jnp.maximum(gained + first, 1e-6)
+        level = maximum(gained + first, 1e-6)
         passing = root / jnp.sqrt(level)
         time = jnp.sum(passing)
         slope = -jnp.sum(passing / level)  # 2 d time / d first
-        first = jnp.maximum(first + (time - time**3 / period**2) / slope, least)
+        first = maximum(first + (time - time**3 / period**2) / slope, least)
     return first
 
 
@@ -306,7 +307,7 @@ class _TorqueCurve(AbstractClosure):
         constant = slope / scale - steepness * course.energy
         count = grid.rule.nodes.size
         # by the largest of the panel, so that all nodes of it have the same rule
-        stiff = (grid.width * jnp.max(jnp.abs(steepness), axis=1)) ** 2
+        stiff = (grid.width * max_of(jnp.abs(steepness), axis=1)) ** 2
         damped = (stiff / (stiff + _STIFF**2))[:, None, None] * grid.rule.damping
         integral = grid.width[:, None, None] * (grid.rule.integral + damped)
         matrix = jnp.eye(count) - integral * steepness[:, None, :]

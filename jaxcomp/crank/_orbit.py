@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
 from .._core.exported import kept_jit
+from .._core.extremes import max_of, maximum, min_of, minimum
 from .._core.fields import replaced
 from .._core.polynomials import gauss
 from .._core.registry import Quantity, offered_values, registered
@@ -53,7 +54,7 @@ class Energy(eqx.Module):
     @property
     def residual(self) -> Float[Array, ""]:
         """[-] motor work that is neither gas work nor loss, over the larger of them."""
-        size = jnp.maximum(jnp.abs(self.motor_work), jnp.abs(self.gas_work) + self.total_loss)
+        size = maximum(jnp.abs(self.motor_work), jnp.abs(self.gas_work) + self.total_loss)
         return (self.motor_work - self.gas_work - self.total_loss) / _nonzero(size)
 
 
@@ -234,7 +235,7 @@ class Orbit(Result, eqx.Module):
     @property
     def efficiency_error(self) -> Float[Array, ""]:
         """[-] Estimated error of the losses over the work of the motor."""
-        size = jnp.maximum(jnp.abs(self.energy.motor_work), self.energy.total_loss)
+        size = maximum(jnp.abs(self.energy.motor_work), self.energy.total_loss)
         return sum(self.loss_error.values(), start=jnp.zeros(())) / _nonzero(size)
 
     @property
@@ -287,7 +288,7 @@ class Orbit(Result, eqx.Module):
     def margin(self) -> Float[Array, ""]:
         """[-] smallest slope of the joint loop over the revolution; joints lock where it reaches zero."""
         assert self.loads.margin is not None
-        return jnp.min(self.loads.margin, axis=(-2, -1))
+        return min_of(min_of(self.loads.margin, axis=-1), axis=-1)
 
     @property
     def weakest_cylinder(self) -> Int[Array, ""] | None:
@@ -295,7 +296,7 @@ class Orbit(Result, eqx.Module):
         margin = self.loads.margin
         if margin is None or margin.shape[-2] == 1:
             return None
-        return 1 + jnp.argmin(jnp.min(margin, axis=-1), axis=-1)
+        return 1 + jnp.argmin(min_of(margin, axis=-1), axis=-1)
 
     @property
     def mean_forces(self) -> dict[str, Float[Array, ""]]:
@@ -372,13 +373,11 @@ def rod_load_reversal(
             along_rod = force[0]
             following = jnp.roll(along_rod, -1)
             away = jnp.abs(along_rod) + jnp.abs(following)
-            share = (jnp.maximum(along_rod, 0) + jnp.maximum(following, 0)) / jnp.where(
-                away > 0, away, 1.0
-            )
+            share = (maximum(along_rod, 0) + maximum(following, 0)) / jnp.where(away > 0, away, 1.0)
             tension = jnp.sum(step * share)
-            sides = jnp.stack([jnp.max(along_rod), -jnp.min(along_rod)])
-            ratio = jnp.maximum(jnp.min(sides), 0.0) / jnp.max(sides)
-            reversals[name] = jnp.minimum(tension, 2 * jnp.pi - tension), ratio
+            sides = jnp.stack([max_of(along_rod), -min_of(along_rod)])
+            ratio = maximum(min_of(sides), 0.0) / max_of(sides)
+            reversals[name] = minimum(tension, 2 * jnp.pi - tension), ratio
     return reversals
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from .._core.extremes import clip, max_of, minimum
 from .._core.polynomials import Rule, gauss
 
 # [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
@@ -51,7 +52,7 @@ class Panels(NamedTuple):
     def panel_of(self, angle: Float[Array, "*n"]) -> Int[Array, "*n"]:
         """Index of the panel that holds an angle [rad]; at an edge, the one that begins there."""
         panel = jnp.searchsorted(self.edges, angle, side="right", method="compare_all") - 1
-        return jnp.clip(panel, 0, self.width.size - 1)
+        return clip(panel, 0, self.width.size - 1)
 
     def interpolate(self, values, angle: Float[Array, "*n"]):
         """Value at angles [rad] within the revolution of the panel polynomials there.
@@ -104,15 +105,15 @@ def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) 
 
         def newton(_, place):
             slope, bend = slope_and_bend @ rule.weights_at(place)
-            return jnp.clip(place - slope / jnp.minimum(bend, -1e-300), start - x[1], start + x[1])
+            return clip(place - slope / minimum(bend, -1e-300), start - x[1], start + x[1])
 
-        place = jnp.clip(lax.fori_loop(0, 4, newton, start), 0.0, 1.0)
+        place = clip(lax.fori_loop(0, 4, newton, start), 0.0, 1.0)
         # where the polynomial bends upwards Newton's method leaves the maximum
-        return jnp.max(rule.weights_at(jnp.stack([place, start])) @ values[panel])
+        return max_of(rule.weights_at(jnp.stack([place, start])) @ values[panel])
 
     # of an edge that two panels share either may have the largest value close to it
-    _, best = lax.top_k(jnp.max(samples, axis=1), min(2, samples.shape[0]))
-    return jnp.max(jax.vmap(refined)(best))
+    _, best = lax.top_k(max_of(samples, axis=1), min(2, samples.shape[0]))
+    return max_of(jax.vmap(refined)(best))
 
 
 def farthest(

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum
 from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..cylinder import Cycle, Cylinder, SuctionWarming
@@ -100,7 +101,7 @@ def electric_power(compressor: Compressor, orbit: Orbit) -> Float[Array, ""]:
 
 def flow_of_gas(cycle: Cycle | SeveralCycles) -> Float[Array, ""]:
     """[kg/s] delivered, above zero so that heat can be taken over it."""
-    return jnp.maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
+    return maximum(cycle.mass_flow, 1e-9 * cycle.case.mass_scale)
 
 
 def compressed_as_it_comes(cycle: Cycle | SeveralCycles) -> GasState:

@@ -14,6 +14,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.roots import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
     PLACE_UNIT,
@@ -160,10 +161,10 @@ class OrbitProblem(AbstractFixedPoint):
         places, reversals = _bisect(grid, parameters.edges, marks, brackets)
         reversals = eqx.tree_at(lambda r: r.moving, reversals, jnp.asarray(not self.follow))
         new = self.resolution.panels_between(parameters.edges, places)
-        angle = jnp.clip(new.angle, grid.edges[0], grid.edges[-1])
+        angle = clip(new.angle, grid.edges[0], grid.edges[-1])
         count = new.angle.size
         joints = motion.joints[..., :count].reshape(-1, *new.angle.shape)
-        angle = jnp.concatenate([angle.ravel(), jnp.clip(places, grid.edges[0], grid.edges[-1])])
+        angle = jnp.concatenate([angle.ravel(), clip(places, grid.edges[0], grid.edges[-1])])
         values = jnp.concatenate([jnp.stack([motion.energy, motion.acceleration]), joints])
         energy, acceleration, *joints = grid.interpolate(values, angle)
         journals = motion.journals
@@ -213,8 +214,8 @@ class OrbitProblem(AbstractFixedPoint):
             high = jnp.where(used, angle[panel, sample + 1], grid.edges[0])
             # beyond a kink another reversal may lie
             room = 0.3 * (high - low)
-            lowest = jnp.maximum(low - room, grid.edges[panel])
-            highest = jnp.minimum(high + room, grid.edges[panel + 1])
+            lowest = maximum(low - room, grid.edges[panel])
+            highest = minimum(high + room, grid.edges[panel + 1])
             row = jnp.where(used, row + begin, -1).astype(int)
             of_each_kind.append(_Brackets(low, high, lowest, highest, row))
         return jax.tree.map(lambda *parts: jnp.concatenate(parts), *of_each_kind)
@@ -229,7 +230,7 @@ def _first_of_each(flags: Bool[Array, "q n"], count: int) -> Int[Array, " m"]:
     places = jnp.where(flags, jnp.arange(size), size)
 
     def after(previous, _):
-        next_ = jnp.min(places, axis=1, initial=size, where=places > previous[:, None])
+        next_ = min_of(jnp.where(places > previous[:, None], places, size), axis=1)
         return next_, next_
 
     start = jnp.full(flags.shape[0], -1, places.dtype)
@@ -249,7 +250,7 @@ def _by_secant(reversals: Reversals, before, after) -> Reversals:
     share = change / jnp.where(far, moved, 1.0) / reversals.slope
     # the motion, too, moves the value: a slope of another size is its doing
     plausible = far & (share > 0.5) & (share < 2.0)
-    slope = jnp.where(plausible, jnp.maximum(share, _SHALLOWEST), 1.0) * reversals.slope
+    slope = jnp.where(plausible, maximum(share, _SHALLOWEST), 1.0) * reversals.slope
     return eqx.tree_at(lambda r: r.slope, reversals, slope)
 
 
@@ -269,7 +270,7 @@ def _bisect(
         marks: what marks the reversals, at the nodes of the panels.
         brackets: where the reversals were seen.
     """
-    marks_in_row = jnp.take(marks, jnp.maximum(brackets.row, 0), axis=0)
+    marks_in_row = jnp.take(marks, maximum(brackets.row, 0), axis=0)
 
     @jax.jit
     def value(angle):
@@ -308,14 +309,14 @@ def _bisect(
     # the slope behind the end of the re-expansion, a twentieth of that before it, a reversal just
     # before it hopped to and fro.
     ahead = known_edges - places[:, None]
-    before = places + jnp.max(jnp.where(ahead <= 0, ahead, -jnp.pi), axis=1) + _ASIDE
-    behind = places + jnp.min(jnp.where(ahead > 0, ahead, jnp.pi), axis=1) - _ASIDE
-    span = jnp.minimum(0.1 * (brackets.high - brackets.low), behind - places)
+    before = places + max_of(jnp.where(ahead <= 0, ahead, -jnp.pi), axis=1) + _ASIDE
+    behind = places + min_of(jnp.where(ahead > 0, ahead, jnp.pi), axis=1) - _ASIDE
+    span = minimum(0.1 * (brackets.high - brackets.low), behind - places)
     at_near_end, at_far_end = value(jnp.stack([places + 0.1 * span, places + span]))
     roomy = steep & (span > _ASIDE)
     wide = (at_far_end - at_near_end) / jnp.where(roomy, 0.9 * span, 1.0)
     slope = jnp.where(roomy & (jnp.sign(wide) == jnp.sign(near)), wide, near)
     slope = jnp.where(steep, slope, 1.0)
     row = jnp.where(steep, brackets.row, -1)
-    places = jnp.where(steep, jnp.clip(places, before, behind), places)
+    places = jnp.where(steep, clip(places, before, behind), places)
     return places, Reversals(row, slope, before, behind, jnp.asarray(False))

@@ -19,6 +19,7 @@ import optimistix
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip, max_of, maximum, min_of
 from .._core.roots import AbstractRoot, FixedPointReport, frozen, root, zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loads_at
@@ -98,7 +99,7 @@ class Shooting(eqx.Module):
         shot, steps = self._newton(machine, fixed, first)
         result = root(_Following(compressor, shot, fixed, self))
         unknowns, end, _ = result
-        gap_size = jnp.max(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
+        gap_size = max_of(jnp.abs(lax.stop_gradient(_gap_at(end, unknowns, compressor, fixed))))
         gap_size = jnp.where(jnp.isfinite(gap_size), gap_size, _LOST)
         _, end, course = jax.tree.map(lambda x: jnp.where(jnp.isfinite(x), x, 1.0), result)
         settled = gap_size <= 3 * self.tolerance
@@ -160,7 +161,7 @@ class Shooting(eqx.Module):
         near_minima = jnp.where(used[self.reversals :], minima[:, None] + around, edges[1])
         stops = jnp.concatenate([edges[1:-1], *map(jnp.ravel, (near_kinks, near_minima))])
         inside = (stops > edges[0]) & (stops < edges[-1])
-        places = jnp.clip(motion.places, edges[0], edges[-1])
+        places = clip(motion.places, edges[0], edges[-1])
         return (
             jnp.sort(jnp.where(inside, stops, edges[1])),
             jnp.sort(jnp.concatenate([edges, places])),
@@ -195,11 +196,11 @@ class Shooting(eqx.Module):
             lost = ~jnp.all(jnp.isfinite(step))
             jacobian = jnp.where(lost, eye, jacobian)
             # a long step may reach a halt; half the speed at a time is far enough
-            step = jnp.where(lost, 0.0, jnp.clip(step, -0.5, 0.5))
+            step = jnp.where(lost, 0.0, clip(step, -0.5, 0.5))
             # the last step is so short that everything follows it linearly
             result = jax.tree.map(lambda x, slope: x - slope @ step, result, by_unknowns)
             shot = _Shot(result, by_unknowns, jacobian)
-            return unknowns - step, shot, jnp.max(jnp.abs(step)), steps + 1
+            return unknowns - step, shot, max_of(jnp.abs(step)), steps + 1
 
         begin = _at_rest(machine, start, fixed)
         count = self._nodes(fixed).size
@@ -262,7 +263,7 @@ class Shooting(eqx.Module):
     def _orbit(self, compressor, unknowns, fixed: "_Fixed", end, course, status, report) -> Orbit:
         edges = revolution_edges(kink_angles(compressor))
         grid = panels(jnp.interp(fixed.places, fixed.edges, edges), self.output_nodes)
-        speed = jnp.maximum(course["speed"].reshape(grid.angle.shape), 1e-3) * fixed.speed
+        speed = maximum(course["speed"].reshape(grid.angle.shape), 1e-3) * fixed.speed
         places = None
         if "journals" in course:
             places = grid.by_panels(jnp.moveaxis(course["journals"], 0, -1))
@@ -274,7 +275,7 @@ class Shooting(eqx.Module):
         # Close to self-locking the steps to acceleration and joint forces may be too few.
         lost = ~(jnp.abs(energy.residual) <= 10 * self.tolerance)
         status = Status.where(lost & (status == Status.converged), Status.not_converged, status)
-        stalled = jnp.min(speed) <= 2e-3 * fixed.speed
+        stalled = min_of(speed) <= 2e-3 * fixed.speed
         status = Status.where(stalled, Status.stalled, status)
         if places is not None:
             drive = journal_drive(compressor, motion.loads.forces, state)
@@ -352,7 +353,7 @@ def _rate(place, y, args):
     # values of both are the same.
     branch, stretch = inside_panels(fixed.edges, place, edges)
     # A halt is reported by the end values; the floor keeps them finite.
-    speed = jnp.maximum(y["speed"], 1e-3) * fixed.speed
+    speed = maximum(y["speed"], 1e-3) * fixed.speed
     places = y.get("journals")
     motion, motor = _motion(with_journals(machine, places), branch, speed, unknowns, fixed)
     torques = {"motor": motor, "gas": -motion.at.conservative, "losses": motion.loads.loss_torque}

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
@@ -241,7 +242,7 @@ def _checked_orbit(
     finite = jnp.isfinite(sum(jnp.sum(leaf) for leaf in leaves))
     assert values.loads.residual is not None
     # the loop of the joints closes with the motion, to the tolerance that was asked for
-    joints = jnp.max(jnp.abs(values.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
+    joints = max_of(jnp.abs(values.loads.residual)) <= _JOINT_RESIDUAL + 10 * solver.tolerance
     coarse = values.resolution > _COARSE
     coarse |= ~(jnp.abs(values.energy.residual) <= _ENERGY_RESIDUAL)
     if getattr(solver, "estimate", True):

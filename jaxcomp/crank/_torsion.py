@@ -19,6 +19,7 @@ from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of, maximum
 from .._core.fields import (
     NONNEGATIVE,
     POSITIVE,
@@ -274,7 +275,7 @@ def _natural_frequencies(chain: TorsionalChain) -> Float[Array, " n"]:
     # symmetric with the inertias on both sides, so that no eigenvalue is complex by rounding
     root = jnp.sqrt(chain.inertia)
     values = jnp.linalg.eigvalsh(chain.between(chain.stiffness) / root[:, None] / root)
-    return jnp.sqrt(jnp.maximum(values, 0.0)).at[0].set(0.0)
+    return jnp.sqrt(maximum(values, 0.0)).at[0].set(0.0)
 
 
 @kept_jit
@@ -330,11 +331,11 @@ def _peak(mean: Float[Array, " s"], amplitude: Complex[Array, "s h"]) -> Float[A
     course = jnp.fft.irfft(spectrum, samples, axis=1) * samples
     before = jnp.roll(course, 1, axis=1)
     after = jnp.roll(course, -1, axis=1)
-    bend = jnp.maximum(jnp.abs(2 * course - before - after), 1e-300)
+    bend = maximum(jnp.abs(2 * course - before - after), 1e-300)
     top = jnp.abs(course) + (after - before) ** 2 / (8 * bend)
     # only where a sample is no less than its neighbours does the parabola have its top beside it
-    local = jnp.abs(course) >= jnp.maximum(jnp.abs(before), jnp.abs(after))
-    return jnp.max(jnp.where(local, top, jnp.abs(course)), axis=1)
+    local = jnp.abs(course) >= maximum(jnp.abs(before), jnp.abs(after))
+    return max_of(jnp.where(local, top, jnp.abs(course)), axis=1)
 
 
 def train_over_speed(

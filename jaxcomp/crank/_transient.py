@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of, minimum
 from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.nested import fields_of
 from .._core.results import Data, Result
@@ -125,7 +126,7 @@ class Transient(Result, eqx.Module):
         """[-] work that is neither in the motion, the gas nor the losses, over the work done."""
         gained = self.kinetic_energy - self.kinetic_energy[0]
         work = self.energy.motor_work - self.energy.gas_work - self.energy.total_loss
-        size = jnp.max(jnp.abs(self.energy.motor_work)) + jnp.max(self.kinetic_energy)
+        size = max_of(jnp.abs(self.energy.motor_work)) + max_of(self.kinetic_energy)
         return (work - gained) / size
 
     def at(self, time: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -136,7 +137,7 @@ class Transient(Result, eqx.Module):
         """
         if self._dense is None:
             raise BadInput("transient", "read from a file", "as `simulate` returned it")
-        y = self._dense.evaluate(jnp.minimum(time, self.end_time))
+        y = self._dense.evaluate(minimum(time, self.end_time))
         return y["angle"], y["speed"] * self._scales[0]
 
 
@@ -248,7 +249,7 @@ def _simulate(
         stepsize_controller=diffrax.ClipStepSizeController(
             diffrax.PIDController(rtol=options.tolerance, atol=options.tolerance),
             # a motor that is never switched off has an infinite instant, at which no step can end
-            jump_ts=jnp.minimum(off, 2 * duration)[None],
+            jump_ts=minimum(off, 2 * duration)[None],
         ),
         max_steps=options.max_steps,
         event=stop if until_rest else None,

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of, maximum
 from .._core.roots import zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles
@@ -65,7 +66,7 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     orbit_speed = jnp.append(orbit.state.speed[1:], orbit.state.speed[0])
     angle, _ = inside_panels(edges, fine.ravel())
     forces = law(angle, at_fine, fine_places).loads.forces
-    peaks = {name: jnp.max(magnitude(*force)) for name, force in forces.items()}
+    peaks = {name: max_of(magnitude(*force)) for name, force in forces.items()}
     gas = end["work"]["gas"]
     losses = end["work"]["losses"]
     # what the motor gives beyond gas and losses goes into the speed, whose gap is reported by itself
@@ -73,9 +74,9 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     mean = orbit.mean_speed
     position_error = None
     if orbit_places is not None:
-        position_error = jnp.max(jnp.abs(places - jnp.roll(orbit_places, -1, axis=-1)))
+        position_error = max_of(jnp.abs(places - jnp.roll(orbit_places, -1, axis=-1)))
     return Verification(
-        speed_error=jnp.max(jnp.abs(at_nodes - orbit_speed)) / mean,
+        speed_error=max_of(jnp.abs(at_nodes - orbit_speed)) / mean,
         closure=(at_nodes[-1] - orbit_speed[-1]) / mean,
         period_error=end["time"] / orbit.period - 1,
         efficiency_error=energy.mechanical_efficiency - orbit.mechanical_efficiency,
@@ -124,11 +125,11 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
     `journals` are the positions of the moving ones at the start; `None` where none moves.
     """
     scale = law.speed
-    energy = jnp.maximum(jnp.abs(law.torque), instants(law.compressor, edges[0]).inertia * scale**2)
+    energy = maximum(jnp.abs(law.torque), instants(law.compressor, edges[0]).inertia * scale**2)
 
     def rate(angle, y, args):
         del args
-        speed = jnp.maximum(y["speed"], 1e-6) * scale
+        speed = maximum(y["speed"], 1e-6) * scale
         angle = inside_panels(edges, angle)[0]
         places = y.get("journals")
         motion = law(angle, speed, places)

@@ -6,6 +6,7 @@ The rise is one more unknown beside the motion of the crank.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip
 from .._core.fields import replaced
 from ..compressor import Compressor
 from ..cylinder import Cylinder
@@ -61,5 +62,5 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     loss = electric_power(machine, orbit) - orbit.gas_power
     compressed = compressed_as_it_comes(cycle)
     heat = law.heat(comes, compressed.T, flow, loss, returned_heat(cycle))
-    heat = jnp.clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
+    heat = clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
     return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T

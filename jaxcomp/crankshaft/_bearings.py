@@ -28,6 +28,7 @@ from jaxtyping import Array, Float
 
 from .._core.each import mapped
 from .._core.errors import BadInput
+from .._core.extremes import clip, max_of, min_of
 from .._core.fields import POSITIVE, Part, quantity, replaced
 from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing
@@ -228,9 +229,7 @@ class ShaftBearings(MainBearings):
         assert self.values is not None
         assert self.slopes is not None
         last_interval = self.places.size - 2
-        interval = jnp.clip(
-            jnp.searchsorted(self.places, places, side="right") - 1, 0, last_interval
-        )
+        interval = clip(jnp.searchsorted(self.places, places, side="right") - 1, 0, last_interval)
         width = self.places[interval + 1] - self.places[interval]
         t = (places - self.places[interval]) / width
         ends = self.values[:, interval], self.values[:, interval + 1]
@@ -246,7 +245,7 @@ def _beam(
     The supports are rigid, or springs of a stiffness [N/m] under a bending stiffness [N m^2].
     """
     count = supports.size
-    span = jnp.max(supports) - jnp.min(supports)
+    span = max_of(supports) - min_of(supports)
     # Over the span, so that cubes and straight lines in the system are of one size.
     at = supports / span
     z = places / span

@@ -15,6 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of
 from ..film import AbstractJournal
 from ..friction import AbstractJointLoop, JointLoads, Marks, joint_loop
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
@@ -126,7 +127,7 @@ class MachineLoops(eqx.Module):
         return JointLoads(
             forces=forces | {name: force.stacked() for name, force in reactions.items()},
             loss_torque=losses | self._shaft_losses(reactions),
-            residual=None if each.residual is None else jnp.max(jnp.abs(each.residual), axis=0),
+            residual=None if each.residual is None else max_of(jnp.abs(each.residual), axis=0),
             margin=each.margin,
             kinks=each.kinks.reshape(shape),
             minima=jnp.concatenate(minima),

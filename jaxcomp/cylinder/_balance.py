@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._core.each import mapped
+from .._core.extremes import clip, max_of, maximum, minimum
 from ..fluid import GasState
 from ..valve import AbstractValve, Oscillator
 from ..valve.interface import Side, choose, port_acceleration, quasi_steady_flow, throat_density
@@ -100,9 +101,9 @@ def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
 def temperature_and_density(case: Case, angle, state: Float[Array, " 8"]):
     """[K] and [kg/m^3]; a state that is out of all bounds is brought back to finite values."""
     low, high = case.cylinder.fluid.temperature_range
-    T = jnp.clip(state[1] * case.suction.T, low, 2 * high)
+    T = clip(state[1] * case.suction.T, low, 2 * high)
     volume, _ = case.volume(angle)
-    rho = jnp.maximum(state[0], 1e-6) * case.mass_scale / volume
+    rho = maximum(state[0], 1e-6) * case.mass_scale / volume
     return T, rho
 
 
@@ -153,7 +154,7 @@ def rates(
     if speed is not None:
         pace = case.speed
         volume_1 = volume_1 * (speed / pace)
-        spin = (jnp.maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
+        spin = (maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
     # within a revolution the wall's temperature does not vary
     walls = cylinder.walls if speed is None else None
     wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
@@ -220,7 +221,7 @@ def _accounts(
     suction, discharge = lines
     masses, heats = flows
     worked = volume_1 / energy_scale
-    back = -jnp.minimum(masses, 0.0)
+    back = -minimum(masses, 0.0)
     lost = is_open * worked
     return Accounts(
         work=inside.p * worked,
@@ -233,8 +234,8 @@ def _accounts(
         suction_heat=heats[0],
         discharge_heat=heats[1],
         leakage_heat=leaks[1],
-        suction_loss=lost[0] * jnp.maximum(suction.p - inside.p, 0.0),
-        discharge_loss=-lost[1] * jnp.maximum(inside.p - discharge.p, 0.0),
+        suction_loss=lost[0] * maximum(suction.p - inside.p, 0.0),
+        discharge_loss=-lost[1] * maximum(inside.p - discharge.p, 0.0),
     )
 
 
@@ -288,11 +289,11 @@ def _valve(
         events[:2] = [first, jnp.where(free, 1 - x, unity)]
         x = place
 
-    area = valve.flow_area(jnp.maximum(x, 0.0) * lift) * is_open
+    area = valve.flow_area(maximum(x, 0.0) * lift) * is_open
     if valve.port_length is None:
         flow = area * quasi_steady_flow(a, b)
         if moving is None:
-            flow = jnp.maximum(flow, 0.0)
+            flow = maximum(flow, 0.0)
         forward = a.p > b.p
         u_1 = -_IDLE * u
     else:
@@ -363,7 +364,7 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
         outward=jnp.sign(volume_1),
         suction_open=valves.is_open[0],
         discharge_open=valves.is_open[1],
-        port_speed=jnp.max(jnp.abs(valves.flow)) / (gas.rho * area),
+        port_speed=max_of(jnp.abs(valves.flow)) / (gas.rho * area),
     )
     return law.coefficient(at) * wall_area * (wall - gas.T)
 
@@ -410,11 +411,11 @@ def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
     """A guess: valves shut, gas of the suction line, compressed as far as the discharge valve lets it."""
     volume, volume_1 = case.volume(angle)
     full = (1 + case.cylinder.clearance_ratio) * case.swept
-    squeeze = (full / volume) ** (jnp.clip(case.suction.kappa, 1.01, 1.7) - 1)
+    squeeze = (full / volume) ** (clip(case.suction.kappa, 1.01, 1.7) - 1)
     high = case.isentropic
     low = case.suction
-    mass = jnp.minimum(full / case.swept, high.rho / low.rho * volume / case.swept)
-    warm = jnp.minimum(squeeze, high.T / low.T)
+    mass = minimum(full / case.swept, high.rho / low.rho * volume / case.swept)
+    warm = minimum(squeeze, high.T / low.T)
     outward = volume_1 > 0  # the piston draws in
     mass = jnp.where(outward, volume / case.swept, mass)
     warm = jnp.where(outward, 1.0, warm)

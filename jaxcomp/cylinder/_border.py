@@ -19,6 +19,7 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import max_of, maximum, minimum
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._collocation import (
@@ -130,7 +131,7 @@ def linearise(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> Borde
     parts = at_points(system.jacobian_at_flanges, mesh, z)
     _, blocks, _ = assemble(system, mesh, z, *parts.panels)
     weights = harmonic_weights(system, z)
-    which = jnp.maximum(mesh.event, 0)[:, None, None]
+    which = maximum(mesh.event, 0)[:, None, None]
     event = jnp.take_along_axis(parts.events_by_pressure[:, -1], which, axis=1)[:, 0]
     slopes = Slopes(
         state=parts.state_by_pressure,
@@ -358,10 +359,10 @@ def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int
     counts = jnp.ones(start.panels.left.shape[1]).at[system.columns(4, 7)].set(0.0)
 
     def size_of(step: Both):
-        parts = [jnp.max(jnp.abs(step.panels.points * counts))]
-        parts.append(jnp.max(jnp.abs(step.panels.edges)))
-        parts += [jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(step.waves) if leaf.size]
-        size = jnp.max(jnp.stack(parts))
+        parts = [max_of(jnp.abs(step.panels.points * counts))]
+        parts.append(max_of(jnp.abs(step.panels.edges)))
+        parts += [max_of(jnp.abs(leaf)) for leaf in jax.tree.leaves(step.waves) if leaf.size]
+        size = max_of(jnp.stack(parts))
         return jnp.where(jnp.isfinite(size), size, 2 * LOST)
 
     def advance(carry):
@@ -414,9 +415,9 @@ def limited(system: Cylinders, before: Waves, change: Waves) -> Waves:
     for side in change:
         if side is not None:
             amplitude = jnp.sqrt(jnp.sum(side.pressure**2, axis=1))
-            largest = jnp.maximum(largest, jnp.max(amplitude))
+            largest = maximum(largest, max_of(amplitude))
     finite = jnp.isfinite(largest)
-    share = jnp.minimum(1.0, _LARGEST_STEP / jnp.where(finite & (largest > 0), largest, 1.0))
+    share = minimum(1.0, _LARGEST_STEP / jnp.where(finite & (largest > 0), largest, 1.0))
     share = jnp.where(finite, share, 0.0)
     return jax.tree.map(lambda x, d: x + share * jnp.where(finite, d, 0.0), before, change)
 

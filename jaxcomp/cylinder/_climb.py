@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Int
 
+from .._core.extremes import max_of
 from .._core.status import raise_at_run_time
 from ._cycle import Cycle
 from ._gas_evidence import gas_evidence
@@ -32,7 +33,7 @@ def events_without_room(cycle: Cycle) -> Int[Array, ""]:
         cycle: of one cylinder, or with an axis of several, of which the one with most events counts.
     """
     lacks = may_lack_room(cycle.status)
-    return jnp.max(jnp.where(lacks, cycle.event_count, _FITS))
+    return max_of(jnp.where(lacks, cycle.event_count, _FITS))
 
 
 class Climb:

@@ -17,6 +17,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.elimination import solve_triangles
+from .._core.extremes import max_of, maximum, min_of
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._balance import FLAGS, FREE
@@ -62,7 +63,7 @@ def residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Resi
     jumped = jax.vmap(system.jump)(mesh.event, mesh.code, z.points[:, -1])
     if system.cases.cylinder.walls is not None:
         jumped = jumped.at[-1].set(system.next_revolution(jumped[-1]))
-    value = jnp.take_along_axis(events[:, -1], jnp.maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
+    value = jnp.take_along_axis(events[:, -1], maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
     return Residual(
         z.points - z.left[:, None] - moved,
         jnp.roll(z.left, -1, axis=0) - jumped,
@@ -120,7 +121,7 @@ def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state
     if system.cases.cylinder.walls is not None:
         turn = jax.jacfwd(system.next_revolution)(z.points[-1, -1])
         jump_by_state = jump_by_state.at[-1].set(turn @ jump_by_state[-1])
-    which = jnp.maximum(mesh.event, 0)[:, None, None]
+    which = maximum(mesh.event, 0)[:, None, None]
     gradient = jnp.concatenate([events_by_state[:, -1], events_by_angle[:, -1, :, None]], axis=2)
     blocks = Blocks(
         stages,
@@ -283,7 +284,7 @@ def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps:
             step = solve_factors(factors, jax.tree.map(jnp.negative, remainder))
             # the velocity in the port of a shut valve may be anything at the start; it decides nothing
             counts = jnp.ones(z.left.shape[1]).at[system.columns(4, 7)].set(0.0)
-            size = jnp.maximum(jnp.max(jnp.abs(step.points * counts)), jnp.max(jnp.abs(step.edges)))
+            size = maximum(max_of(jnp.abs(step.points * counts)), max_of(jnp.abs(step.edges)))
             size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
             z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
             remainder, events = evaluate(system, mesh, z)
@@ -313,7 +314,7 @@ def branches_of(z: Unknowns, events) -> Branches:
     """Whether every branch holds at every node of a panel with some width, and where not."""
     widths = jnp.diff(z.edges)
     is_wide = (widths > 1e-7)[:, None, None]
-    least = jnp.min(jnp.where(is_wide, events[:, :-1], jnp.inf), axis=2)
+    least = min_of(jnp.where(is_wide, events[:, :-1], jnp.inf), axis=2)
     panel, node = jnp.divmod(jnp.argmin(least), least.shape[1])
     angle = z.edges[panel] + widths[panel] * jnp.asarray(gauss(least.shape[1]).nodes)[node]
     is_left = ~(least[panel, node] > -_LEFT)  # NaN included

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import max_of
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..fluid import GasState
@@ -45,7 +46,7 @@ class Events(eqx.Module):
     def impact_speed(self, valve: int, stop: bool) -> Float[Array, ""]:
         """Highest speed [m/s] at which a valve (0 suction, 1 discharge) meets its stop or its seat."""
         strikes = self.meets & (self.which == 4 * valve + stop)
-        return jnp.max(jnp.where(strikes, jnp.abs(self.speed), 0.0))
+        return max_of(jnp.where(strikes, jnp.abs(self.speed), 0.0))
 
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""

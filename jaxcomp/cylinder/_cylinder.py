@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
@@ -415,7 +416,7 @@ class _Limit(NamedTuple):
         low = low * (1 + 1e-6 * low_open)
         high = high * (1 - 1e-6 * high_open)
         value = jnp.asarray(self.value)
-        moved = jnp.clip(jnp.nan_to_num(value), low, high)
+        moved = clip(jnp.nan_to_num(value), low, high)
         return jnp.where(jnp.asarray(self.holds()), value, moved)
 
 
@@ -587,7 +588,7 @@ class Pace(eqx.Module):
         revolution = 2 * np.pi
         turned = first + jnp.mod(angle - first, revolution)
         panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
-        panel = jnp.clip(panel, 0, self.edges.size - 2)
+        panel = clip(panel, 0, self.edges.size - 2)
         start = self.edges[panel]
         width = self.edges[panel + 1] - self.edges[panel]
         wide = width > 0
@@ -601,7 +602,7 @@ class Pace(eqx.Module):
         first = self.edges[0]
         turned = first + jnp.mod(angle - first, 2 * np.pi)
         panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
-        panel = jnp.clip(panel, 0, self.edges.size - 2)
+        panel = clip(panel, 0, self.edges.size - 2)
         widths = jnp.diff(self.edges)
         count = self.excess.shape[-1]
         rule = gauss(count)

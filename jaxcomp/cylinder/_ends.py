@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from .._core.fields import is_traced, rebuilt, replaced
 from ..mechanism import AbstractMechanism
 from ._cylinder import Cylinder
@@ -401,8 +402,8 @@ def guessed_pressures(cylinder: Cylinder, mechanisms) -> Float[Array, " s"]:
     for number, stage in enumerate(cylinder.later_stages, 1):
         ratio = swept[0] / swept[number] * stage.cooler.outlet_temperature / first.T
         # Between the lines, with something left for every stage.
-        share = jnp.clip(jnp.log(ratio) / jnp.log(delivery.p / first.p), 0.0, 1.0)
+        share = clip(jnp.log(ratio) / jnp.log(delivery.p / first.p), 0.0, 1.0)
         even = number / len(swept)
-        share = jnp.clip(share, 0.5 * even, 0.5 * (1 + even))
+        share = clip(share, 0.5 * even, 0.5 * (1 + even))
         pressures.append(first.p * (delivery.p / first.p) ** share)
     return jnp.stack(pressures)

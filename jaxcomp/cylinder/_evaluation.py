@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import clip
 from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import Status
@@ -178,7 +179,7 @@ def _cycle(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle
     free = mesh.flags[:, jnp.asarray([0, 3])] == FREE
     which = mesh.event
     scale_of = jnp.stack([velocity for _, velocity, _ in scale])
-    valve = jnp.clip(which, 0, 7) // 4
+    valve = clip(which, 0, 7) // 4
     slot = jnp.where(which >= 0, which % 4, 4)
     column = jnp.where(valve == 0, 3, 6)
     speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._core.extremes import clip, maximum, minimum
 from .._core.polynomials import cubic_step, quintic_step
 from ._balance import EVENTS, FREE, SEAT, STATES, STOP, valve_scales
 from ._cylinder import Case
@@ -68,8 +69,8 @@ def longest_step(case: Case, flags):
     for which, valve in enumerate(case.cylinder.valves):
         if valve.oscillator is not None:
             natural_frequency = jnp.sqrt(valve.oscillator.stiffness / valve.oscillator.mass)
-            limit = 0.1 * 2 * np.pi * case.speed / jnp.maximum(natural_frequency, 1e-9)
-            longest = jnp.where(flags[3 * which] == FREE, jnp.minimum(longest, limit), longest)
+            limit = 0.1 * 2 * np.pi * case.speed / maximum(natural_frequency, 1e-9)
+            longest = jnp.where(flags[3 * which] == FREE, minimum(longest, limit), longest)
     return longest
 
 
@@ -104,12 +105,12 @@ def passed(ends, slopes, width, flags, least):
             3
         ):  # secant steps: an error of the instant of reversal counts with its square
             rate = cubic_step(t, width, (first_rate, last_rate), bends)
-            t = jnp.clip(t + rate / jnp.where(turns, first_rate - last_rate, 1.0), 0.0, 1.0)
+            t = clip(t + rate / jnp.where(turns, first_rate - last_rate, 1.0), 0.0, 1.0)
         top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first_rate, last_rate), bends)
         excess = jnp.where(first_rate > 0, top - 1, -top)
         beyond = turns & (excess > least)
         # before the valve reverses, where three quarters of the excess are reached on the way there
         bend = jnp.abs((last_rate - first_rate) / width)
         back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
-        earliest = jnp.minimum(earliest, jnp.where(beyond, jnp.maximum(t - back, 0.5 * t), jnp.inf))
+        earliest = minimum(earliest, jnp.where(beyond, maximum(t - back, 0.5 * t), jnp.inf))
     return earliest

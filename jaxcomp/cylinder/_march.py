@@ -18,6 +18,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import clip, max_of, maximum, minimum
 from .._core.polynomials import cubic_step
 
 # Dormand, Prince (1980): nodes, stages, and the difference to the embedded method of order 4
@@ -141,7 +142,7 @@ def stretch(
         watched: [rad] the same without a mark: a step that dips beyond an event and out again does not
             pass over them.
     """
-    at_event = jnp.clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
+    at_event = clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
     route = _Route(law, stop, tolerance, at_event, capacity, knots, watched)
 
     def going_on(carry: _Carry):
@@ -180,7 +181,7 @@ class _Route(NamedTuple):
         distance = self.stop - angle
         for place in (*self.knots, *self.watched):
             is_ahead = place > angle + _AT_KNOT
-            distance = jnp.where(is_ahead, jnp.minimum(distance, place - angle), distance)
+            distance = jnp.where(is_ahead, minimum(distance, place - angle), distance)
         return distance
 
 
@@ -237,9 +238,9 @@ def _beginning(route: _Route, start, state, flags) -> _Carry:
     none = jnp.zeros((), int)
     # one row more than are kept takes what is thrown away
     record = empty_record(route.capacity + 1, law.state_size, flags.size)
-    first = jnp.minimum(0.02, law.longest(flags))
+    first = minimum(0.02, law.longest(flags))
     if route.knots or route.watched:
-        first = jnp.minimum(first, route.ahead(start))
+        first = minimum(first, route.ahead(start))
     return _Carry(
         start, state, flags, unknown, first, first, _no_search(unknown), none, none, record
     )
@@ -264,13 +265,13 @@ def _advance(route: _Route, carry: _Carry) -> _Carry:
     flags = jnp.where(accept, new_flags, carry.flags)
     ahead, proposed = _next_widths(route, carry, tried.error, angle, law.longest(flags))
     # the events are as they are after the step, but for the one that has just happened
-    passed = jnp.where(event >= 0, jnp.maximum(events, 0.0), events)
+    passed = jnp.where(event >= 0, maximum(events, 0.0), events)
     return _Carry(
         angle,
         jnp.where(accept, jumped, carry.state),
         flags,
         jnp.where(accept, passed, carry.events),
-        jnp.where(verdict.seeking, trial, jnp.minimum(ahead, verdict.turn)),
+        jnp.where(verdict.seeking, trial, minimum(ahead, verdict.turn)),
         proposed,
         search,
         carry.steps + accept,
@@ -301,7 +302,7 @@ def _attempt(route: _Route, carry: _Carry) -> _Attempt:
     empty = jnp.zeros((7, carry.state.size))
     work = (empty, carry.state, carry.events, jnp.zeros(force.shape))
     slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
-    error = jnp.max(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
+    error = max_of(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
     error = jnp.where(jnp.all(jnp.isfinite(state)), error / route.tolerance, jnp.inf)
     return _Attempt(slopes, state, events, force, error)
 
@@ -312,7 +313,7 @@ def _judged(route: _Route, carry: _Carry, tried: _Attempt) -> _Verdict:
     search = carry.search
     events = tried.events
     least = route.at_event
-    negative = events < jnp.minimum(_CROSSED, -0.1 * least)
+    negative = events < minimum(_CROSSED, -0.1 * least)
     crossed = jnp.any(negative & law.towards(tried.state, events))
     # a first event that lies within the step is sought from a step that ends beyond it
     ends = (carry.state, tried.state)
@@ -348,7 +349,7 @@ def _sought(
     # alone may creep up from one side
     first, fraction = _first(at_low, at_high)
     halve = (search.tries % 3 == 2) | (at_low[first] <= route.at_event)
-    fraction = jnp.where(halve, 0.5, jnp.clip(fraction, 0.001, 0.999))
+    fraction = jnp.where(halve, 0.5, clip(fraction, 0.001, 0.999))
     closer = _Search(jnp.asarray(True), low, high, at_low, at_high, search.tries + 1)
     following = jax.tree.map(partial(jnp.where, verdict.seeking), closer, _no_search(events))
     return following, low + fraction * (high - low)
@@ -357,13 +358,13 @@ def _sought(
 def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
     """[rad] Of the next step from an angle, and what is proposed for the one after an event."""
     seeks = carry.search.active
-    factor = jnp.clip(0.9 * jnp.maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
+    factor = clip(0.9 * maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
     factor = jnp.where(jnp.isfinite(error), factor, 0.2)
     # the width of a step that ends at an event says nothing of the error
     proposed = jnp.where(seeks, carry.next_width, carry.width * factor)
-    proposed = jnp.minimum(proposed, longest)
+    proposed = minimum(proposed, longest)
     distance = route.ahead(angle)
-    ahead = jnp.minimum(proposed, distance)
+    ahead = minimum(proposed, distance)
     # a step that leaves a sliver would end in one of no width
     return jnp.where((distance - ahead < 1e-9) & (distance - ahead > 0), distance, ahead), proposed
 
@@ -382,7 +383,7 @@ def _recorded(route: _Route, carry: _Carry, tried: _Attempt, accept, event, code
         event,
         code,
     )
-    row = jnp.where(accept, jnp.minimum(carry.steps, route.capacity), route.capacity)
+    row = jnp.where(accept, minimum(carry.steps, route.capacity), route.capacity)
     return jax.tree.map(lambda rows, new: rows.at[row].set(new), carry.record, entry)
 
 
@@ -402,7 +403,7 @@ def empty_record(rows: int, states: int, count: int) -> Record:
 def within_steps(record: Record, angle, row=None):
     """The states that were kept at an angle [rad], by the cubics between the steps."""
     if row is None:
-        row = jnp.clip(
+        row = clip(
             jnp.searchsorted(record.angle, angle, side="right") - 1, 0, record.angle.size - 1
         )
     width = record.width[row]
@@ -420,6 +421,6 @@ def _first(at_low, at_high):
     """The event that comes first between two ends, and where, by straight lines."""
     crossing = at_high < _CROSSED
     drop = jnp.where(crossing, at_low - at_high, 1.0)
-    fraction = jnp.where(crossing, jnp.maximum(at_low, 0.0) / jnp.maximum(drop, 1e-300), jnp.inf)
+    fraction = jnp.where(crossing, maximum(at_low, 0.0) / maximum(drop, 1e-300), jnp.inf)
     which = jnp.argmin(fraction)
     return which, fraction[which]

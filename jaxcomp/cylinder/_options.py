@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import maximum
 from .._core.status import Status
 
 
@@ -123,8 +124,8 @@ class CycleOptions(eqx.Module):
         """
         first = 1.0 if self.size == 0 else _FINER_MARCH
         # where a branch was left, a coarser march has missed an event
-        share = first * 0.1 ** jnp.maximum(number, 0)
-        return jnp.maximum(share, _FINEST_MARCH) * self.march_tolerance
+        share = first * 0.1 ** maximum(number, 0)
+        return maximum(share, _FINEST_MARCH) * self.march_tolerance
 
     @property
     def revolutions_at_most(self) -> int:

@@ -13,6 +13,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import legendre
 
+from .._core.extremes import clip, max_of, maximum, minimum
 from .._core.fields import ANY, NONNEGATIVE, quantity
 from .._core.polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
@@ -61,22 +62,22 @@ def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
         # an interval of no width wants none
         return share.at[jnp.argmax(jnp.where(exists, steps / share, -1.0))].add(1)
 
-    spare = panels - jnp.minimum(count, panels)
+    spare = panels - minimum(count, panels)
     share = lax.fori_loop(0, spare, add, jnp.ones(panels, int))
     share = jnp.where(exists, share, 0)
 
     panel = jnp.arange(panels)
     ends = jnp.cumsum(share)
-    of = jnp.clip(jnp.searchsorted(ends, panel, side="right"), 0, panels - 1)
+    of = clip(jnp.searchsorted(ends, panel, side="right"), 0, panels - 1)
     within = panel - (ends - share)[of]
     first_row = (jnp.cumsum(steps) - steps)[of]
     place = first_row + steps[of] * within / share[of]
-    row = jnp.clip(place.astype(int), 0, record.angle.size - 1)
+    row = clip(place.astype(int), 0, record.angle.size - 1)
     edges = record.angle[row] + (place - row) * record.width[row]
     edges = jnp.concatenate([edges, jnp.asarray([START + TURN])])
-    last_row = jnp.clip((first_row + steps[of] - 1).astype(int), 0, record.angle.size - 1)
+    last_row = clip((first_row + steps[of] - 1).astype(int), 0, record.angle.size - 1)
     ends_interval = within == share[of] - 1
-    event = jnp.where(ends_interval, jnp.maximum(record.event[last_row], -1), -1)
+    event = jnp.where(ends_interval, maximum(record.event[last_row], -1), -1)
     code = jnp.where(event >= 0, record.code[last_row], 0)
     mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
 
@@ -166,11 +167,11 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     to_series = _to_series(values.shape[1])
     samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
-    column = jnp.clip(column, 1, x.size - 2)
+    column = clip(column, 1, x.size - 2)
     before, middle, after = (samples[panel, column + i] for i in (-1, 0, 1))
     bend = before - 2 * middle + after
     shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
-    place = jnp.asarray(x)[column] + jnp.clip(shift, -1, 1) * x[1]
+    place = jnp.asarray(x)[column] + clip(shift, -1, 1) * x[1]
     return legendre_columns(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
 
 
@@ -179,7 +180,7 @@ def resolution(z: Unknowns) -> Float[Array, ""]:
     states = z.points[..., jnp.asarray([0, 1, 2, 5])]
     wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
     terms = jnp.abs(jnp.einsum("kj,pjn->pkn", _to_series(states.shape[1])[-2:], states))
-    return jnp.max(jnp.sum(jnp.where(wide, terms, 0.0), axis=1))
+    return max_of(jnp.sum(jnp.where(wide, terms, 0.0), axis=1))
 
 
 def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
@@ -196,7 +197,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     states = jnp.concatenate([z.left[:, None], z.points], axis=1)
     pace = case.speed / jax.vmap(jax.vmap(case.speed_at))(angle)
     gap = jnp.diff(angle, axis=1)
-    wide = jnp.maximum(width, 1e-7)
+    wide = maximum(width, 1e-7)
     # slope at the end of a panel, from the values at its points
     count = z.points.shape[1]
     slope = legendre.legvander([1.0], count - 1)
@@ -214,7 +215,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
             turns = free[:, None] & (rate[:, :-1] > 0) & (rate[:, 1:] <= 0)
             share = rate[:, :-1] / jnp.where(turns, rate[:, :-1] - rate[:, 1:], 1.0)
             ends = (beyond[:, :-1], beyond[:, 1:]), (rate[:, :-1], rate[:, 1:])
-            does = jnp.minimum(cubic_step(share, gap, *ends), 0.0)
+            does = minimum(cubic_step(share, gap, *ends), 0.0)
             candidates = jnp.concatenate(
                 [jnp.where(touches, would, jnp.inf), jnp.where(turns, does, -jnp.inf).ravel()]
             )

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from .._core.extremes import max_of, min_of
 from ._border import Both, limited, newton
 from ._evaluation import CycleSolution
 from ._options import COARSE, CycleOptions
@@ -57,7 +58,7 @@ def piped_rounds(
         cycle_and_waves, report = newton(system, mesh, Both(z, waves), *tolerances)
         sound = mesh.fits & (report.size < NEAR)
         # harmonics of panels that are too wide are no more exact
-        wide = jnp.max(jnp.diff(cycle_and_waves.panels.edges)) * system.orders / 2 > WIDEST
+        wide = max_of(jnp.diff(cycle_and_waves.panels.edges)) * system.orders / 2 > WIDEST
         coarse = sound & report.holds & ((resolution(cycle_and_waves.panels) > COARSE) | wide)
         coarse &= options.may_grow
         mesh = mesh._replace(fits=mesh.fits & ~coarse)
@@ -76,7 +77,7 @@ def piped_rounds(
             alternates=jnp.asarray(False),
             waves=cycle_and_waves.waves,
         )
-        least = jnp.min(cycle_and_waves.panels.left[:, system.columns(0, 1)])
+        least = min_of(cycle_and_waves.panels.left[:, system.columns(0, 1)])
         goes_on = sound & (least > 0.01)
         state = jnp.where(goes_on, cycle_and_waves.panels.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)

@@ -22,6 +22,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState
 
@@ -186,8 +187,8 @@ def first_states(case, at_rest: bool) -> Float[Array, " 3p"]:
 
 def _gas(fluid: AbstractFluid, plenum: Plenum, mass, T) -> GasState:
     low, high = fluid.temperature_range
-    T = jnp.clip(T, low, 2 * high) if plenum.temperature is None else plenum.temperature
-    return fluid.state(T, jnp.maximum(mass / plenum.volume, 1e-9))
+    T = clip(T, low, 2 * high) if plenum.temperature is None else plenum.temperature
+    return fluid.state(T, maximum(mass / plenum.volume, 1e-9))
 
 
 def _mixed(forward, a: GasState, b: GasState) -> "_Carried":

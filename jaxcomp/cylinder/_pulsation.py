@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of, maximum, min_of
 from .._core.results import Data, Result
 from ..piping import flange_limit, line_limit, line_limit_of_approach_1
 from ._cylinder import Case
@@ -45,7 +46,7 @@ class Limit(NamedTuple):
     @property
     def margin(self) -> Float[Array, ""]:
         """[-] What is allowed over what is."""
-        return self.allowed / jnp.maximum(self.value, 1e-12)
+        return self.allowed / maximum(self.value, 1e-12)
 
 
 class Pulsation(Result, eqx.Module):
@@ -144,7 +145,7 @@ class Pulsation(Result, eqx.Module):
                     continue
                 name = self._name(side, node)
                 touching = [k for k, pair in enumerate(network.pipe_ends) if number in pair]
-                diameter = jnp.max(network.diameter[np.array(touching, int)])
+                diameter = max_of(network.diameter[np.array(touching, int)])
                 mean = pressure + series[name][0]
                 orders = min(NAMED_ORDERS, spectra[name].size)
                 for order in range(1, orders + 1):
@@ -172,7 +173,7 @@ class Pulsation(Result, eqx.Module):
     @property
     def margin(self) -> Float[Array, ""]:
         """[-] The least of all limits of API 618 over its value: below 1 one is passed."""
-        return jnp.min(jnp.stack([limit.margin for limit in self.limits]))
+        return min_of(jnp.stack([limit.margin for limit in self.limits]))
 
     @property
     def shaking_forces(self) -> dict[str, Float[Array, ""]]:
@@ -218,8 +219,8 @@ class Pulsation(Result, eqx.Module):
             assert waves is not None
             _, amplitudes = complex_of(waves.pressure, (waves.pressure.shape[1] - 1) // 2)
             sizes = jnp.abs(amplitudes)
-            shares.append(jnp.max(sizes[:, -1] / jnp.maximum(jnp.max(sizes, axis=1), 1e-30)))
-        return jnp.max(jnp.stack(shares))
+            shares.append(max_of(sizes[:, -1] / maximum(max_of(sizes, axis=1), 1e-30)))
+        return max_of(jnp.stack(shares))
 
     @property
     def largest(self) -> Float[Array, ""]:
@@ -229,7 +230,7 @@ class Pulsation(Result, eqx.Module):
             waves = self.waves[side]
             assert waves is not None
             sizes += [peak_to_peak(row) for row in waves.pressure]
-        return jnp.max(jnp.stack(sizes))
+        return max_of(jnp.stack(sizes))
 
     @property
     def linear_error(self) -> Float[Array, ""]:
@@ -246,8 +247,8 @@ class Pulsation(Result, eqx.Module):
             network, gas, steady, _ = line.responses(waves)
             mean, _ = line.ports(waves, flows)
             flow = jnp.abs(steady.pipe_flow @ mean)
-            numbers.append(jnp.max(flow / (gas.density * gas.sound_speed * network.area)))
-        return jnp.max(jnp.stack(numbers))
+            numbers.append(max_of(flow / (gas.density * gas.sound_speed * network.area)))
+        return max_of(jnp.stack(numbers))
 
     @property
     def remarks(self) -> list[str]:
@@ -281,7 +282,7 @@ class Pulsation(Result, eqx.Module):
             waves = self.waves[side]
             assert waves is not None
             gas = line.gas(waves.temperature)
-            widest = jnp.max(line.network(gas).diameter)
+            widest = max_of(line.network(gas).diameter)
             frequency = _ACROSS * gas.sound_speed / (np.pi * widest)
             limits.append(int(frequency * 2 * np.pi / self.case.speed))
         return min(limits)
@@ -325,7 +326,7 @@ def peak_to_peak(series: Float[Array, " h"]) -> Float[Array, ""]:
     # a table of numbers, which is no part of a program
     angle = np.arange(1, orders + 1) * tau[:, None]
     values = np.cos(angle) @ cosine + np.sin(angle) @ sine
-    return jnp.max(values) - jnp.min(values)
+    return max_of(values) - min_of(values)
 
 
 def _pipe_of_run(pipe_ends, first: int, second: int) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import max_of, maximum
 from ._balance import Accounts
 from ._march import AbstractLaw, Record, Stretch, empty_record, stretch
 from ._system import Cylinders
@@ -156,14 +157,14 @@ def _repeated(
         end = new.state[: state.size]
         sums = new.state[state.size :].reshape(totals.shape)
         change = end - state
-        share = jnp.sum(change * last_change) / jnp.maximum(jnp.sum(last_change**2), 1e-300)
+        share = jnp.sum(change * last_change) / maximum(jnp.sum(last_change**2), 1e-300)
         usable = (marched.revolutions > 0) & (jnp.abs(share) < 0.7)
         extrapolation = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
         next_state = end + extrapolation * change
         # the accelerated state is a guess of mass and temperature; what the valves do is kept
         gas = system.columns(0, 1)
-        next_state = end.at[gas].set(jnp.maximum(next_state[gas], 0.5 * end[gas]))
-        size = jnp.max(jnp.abs(change))
+        next_state = end.at[gas].set(maximum(next_state[gas], 0.5 * end[gas]))
+        size = max_of(jnp.abs(change))
         passes = marched.passes + new.passes
         revolutions = marched.revolutions + 1
         longer = March(
@@ -174,7 +175,7 @@ def _repeated(
             complete=new.complete,
             record=new.record,
             change=size,
-            change_of_two=jnp.max(jnp.abs(change + last_change)),
+            change_of_two=max_of(jnp.abs(change + last_change)),
             revolutions=revolutions,
             passes=passes,
         )

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import clip, max_of
 from .._core.fields import replaced
 from .._core.results import Data, Result
 from .._core.status import Status
@@ -46,12 +47,12 @@ def _delivery(values, swept):
 
 def _largest(values, swept):
     del swept
-    return jnp.max(values, axis=0)
+    return max_of(values, axis=0)
 
 
 def _furthest(values, swept):
     del swept
-    return jnp.max(jnp.abs(values))
+    return max_of(jnp.abs(values))
 
 
 def _nearest(values, swept):
@@ -157,7 +158,7 @@ class SeveralCycles(Result, eqx.Module):
             flow = jnp.sum(delivered[ends])
             share = jnp.sum(taken_up[ends]) / jnp.where(flow > 0, flow, 1.0)
             # of a stage that hardly delivers the estimate means nothing
-            shares.append(jnp.clip(share, 0.0, 2.0))
+            shares.append(clip(share, 0.0, 2.0))
         return jnp.stack(shares)
 
     @property
@@ -233,7 +234,7 @@ class SeveralCycles(Result, eqx.Module):
         """[K] of the warmest cylinder's wall; `None` without heat transfer."""
         if self.each.case.cylinder.heat is None:
             return None
-        return jnp.max(jax.vmap(lambda cycle: cycle.wall_temperature)(self.each))
+        return max_of(jax.vmap(lambda cycle: cycle.wall_temperature)(self.each))
 
     @property
     def closing_angles(self) -> dict[str, Float[Array, ""]]:

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.each import stacked
 from .._core.errors import BadInput
+from .._core.extremes import min_of
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import frozen
@@ -490,7 +491,7 @@ def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | Non
             # Newton's method may find the state between two revolutions all the same
             alternates=jnp.asarray(False),
         )
-        least = jnp.min(new.left[:, system.columns(0, 1)])
+        least = min_of(new.left[:, system.columns(0, 1)])
         goes_on = sound & (least > 0.01)
         state = jnp.where(goes_on, new.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.extremes import max_of, min_of
 from ..valve.interface import Side
 from ._balance import (
     EVENTS,
@@ -436,7 +437,7 @@ class Cylinders(eqx.Module):
         shape = (self.count, -1)
         arguments = jnp.arange(self.count), states, flags.reshape(shape), force.reshape(shape)
         code, new = self.each(after_of_cylinder, *arguments)
-        return jnp.max(code), new.ravel()
+        return max_of(code), new.ravel()
 
     def towards(self, state, events) -> Bool[Array, " e"]:
         """Whether each event may happen there."""
@@ -445,7 +446,7 @@ class Cylinders(eqx.Module):
 
     def longest(self, flags) -> Float[Array, ""]:
         """[rad] The longest step."""
-        return jnp.min(self.each(longest_step, flags.reshape(self.count, -1)))
+        return min_of(self.each(longest_step, flags.reshape(self.count, -1)))
 
     def passed(self, ends, slopes, width, flags, least) -> Float[Array, ""]:
         """Share of a step at which a valve turns beyond seat or stop; see `AbstractLaw.passed`."""
@@ -457,7 +458,7 @@ class Cylinders(eqx.Module):
             return jnp.stack([self.parted(values)[0] for values in pair], axis=1)
 
         own_flags = flags.reshape(self.count, -1)
-        return jnp.min(self.each(passed_by_cylinder, of_each(ends), of_each(slopes), own_flags))
+        return min_of(self.each(passed_by_cylinder, of_each(ends), of_each(slopes), own_flags))
 
     def next_revolution(self, state) -> Float[Array, " n"]:
         """The states after the end of a revolution: the walls are warmer by the heat they have gained."""

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum
 from .._core.polynomials import gauss
 from ..fluid import GasState
 from ..piping import PipeGas, Piping, network_of, pipe_gas
@@ -136,7 +137,7 @@ def machine_time(case: Case, phase, own_angle):
 
 def side_at(line: Side, ratio: Float[Array, ""]) -> Side:
     """The gas at a flange whose pressure is `ratio` of that in the line, isentropic about it."""
-    ratio = jnp.maximum(ratio, _LEAST)
+    ratio = maximum(ratio, _LEAST)
     rise = -line.p / line.rho * enthalpy_drop(line.kappa, ratio)
     density = line.rho * ratio ** (1 / line.kappa)
     return line._replace(p=line.p * ratio, rho=density, h=line.h + rise)
@@ -281,7 +282,7 @@ class Line(eqx.Module):
         law = factor / (gas.density * area**2 * diameter)
         # laminar friction is that of the walls, which the waves have already
         turbulent = turbulent_share(reynolds) * law * size
-        drop = law / 2 * jnp.maximum(square, size**2) / size * network.length[rough]
+        drop = law / 2 * maximum(square, size**2) / size * network.length[rough]
         return Drag(mean.at[rough].set(drop), slope.at[rough].set(turbulent))
 
     def answer(self, waves: SideWaves, observed: Observed) -> SideWaves:

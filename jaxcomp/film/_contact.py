@@ -25,6 +25,7 @@ import numpy as np
 from jax.scipy.special import erfc
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from .._core.roots import AbstractRoot, root
 from ._film import AbstractSolvedFilm, Pair, Scalar, film_ratio, sense
@@ -240,9 +241,9 @@ class _MixedCompliance(AbstractRoot):
             third, slope = jax.jvp(lambda u: mean_excess(u)[0], (gap,), (jnp.ones_like(gap),))
             # In the logarithm, because F_3 falls like exp(-u^2/2).
             gap = gap - jnp.log(third / jnp.where(touches, excess, 1.0)) * third / slope
-            gap = jnp.clip(gap, 0.0, APART)
+            gap = clip(gap, 0.0, APART)
         # 0.95, because the gap is by the first term of its series only.
-        start = jnp.maximum(1 / (1 + x), 0.95 * gap / ratio)
+        start = maximum(1 / (1 + x), 0.95 * gap / ratio)
         start = jnp.where(touches, start, 0.5)
 
         def step(_, thickness):
@@ -252,7 +253,7 @@ class _MixedCompliance(AbstractRoot):
             load, slope = jax.jvp(carried, (thickness,), (jnp.ones_like(thickness),))
             new = thickness - (load - number) / slope
             # Below one, so that the film ratio stays positive.
-            return jnp.clip(new, 0.5 * thickness, 1 - 1e-6)
+            return clip(new, 0.5 * thickness, 1 - 1e-6)
 
         thickness = jax.lax.fori_loop(0, _STEPS, step, start)
         in_contact = jnp.log((1 / thickness - 1) / jnp.where(touches, number, 1.0))

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import maximum
 from ._bearing import JournalBearing, film_unit, ring_contact, squeeze_of
 from ._parts import AbstractJournal
 from ._squeeze import Pair
@@ -30,7 +31,7 @@ def shear_drag(bearing: JournalBearing, position: Pair) -> Float[Array, "*n"]:
     """[N m s] J_0, moment over the relative rate of rotation, at a position over c."""
     square = position[0] ** 2 + position[1] ** 2
     # An iteration may put the journal beyond the wall.
-    room = jnp.sqrt(jnp.maximum(1 - square, 1e-9))
+    room = jnp.sqrt(maximum(1 - square, 1e-9))
     volume = bearing.radius**3 * bearing.length / bearing.radial_clearance
     return 2 * jnp.pi * bearing.dynamic_viscosity * volume / room
 

@@ -27,6 +27,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum, minimum
 from .._core.roots import AbstractRoot, root
 from ._film import Pair, Scalar, as_float, split
 
@@ -91,7 +92,7 @@ class OcvirkSqueeze(AbstractSqueeze):
     def matrix(self, position, velocity):
         """The impedance, and its matrix over the velocity, which is its slope as well: two columns."""
         size, along = split(position)
-        eps = jnp.minimum(size, _LAST_SHORT)
+        eps = minimum(size, _LAST_SHORT)
         beta = jnp.arctan2(cross(along, velocity), dot(along, velocity))
         # A product, because 1 - eps^2 loses digits as the film closes.
         square = (1 - eps) * (1 + eps)
@@ -123,7 +124,7 @@ class OcvirkSqueeze(AbstractSqueeze):
     def mobility(self, position, force):
         size, along = split(force)
         x, y = dot(position, along), cross(along, position)
-        room = jnp.maximum(1 - x, 1e-9)
+        room = maximum(1 - x, 1e-9)
         # Booker's fit is near enough, and a unit force will do, because the map is homogeneous.
         start = room**2.5 / jnp.pi * along - 4 * y * room**1.5 / jnp.pi**2 * quarter_turn(along)
         return size * root(Inverse(_Impedance(self), position, along, start / self.length_ratio**2))
@@ -132,7 +133,7 @@ class OcvirkSqueeze(AbstractSqueeze):
         # In Sommerfeld's angle y, 1/(1 - eps cos) = (1 + eps cos y)/s^2: a trigonometric polynomial of
         # degree three, whose highest place needs no derivative.
         size, along = split(position)
-        eps = jnp.minimum(size, _LAST_SHORT)
+        eps = minimum(size, _LAST_SHORT)
         square = (1 - eps) * (1 + eps)
         radial = dot(along, velocity)
         tangential = cross(along, velocity)

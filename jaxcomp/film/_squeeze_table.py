@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum, minimum
 from .._core.roots import root
 from ._film import Pair, as_float, split
 from ._squeeze import AbstractSqueeze, Inverse, OcvirkSqueeze, dot, quarter_turn
@@ -74,7 +75,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
             x: eps times the cosine of the angle from the position to the force.
             square: eps^2.
         """
-        unit = resistance_unit(jnp.minimum(x, 1 - 1e-9), self.length_ratio)
+        unit = resistance_unit(minimum(x, 1 - 1e-9), self.length_ratio)
         u, v = film_corner(*_held(x, square)[:2])
         return unit * jnp.exp(_horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, 0)[0])
 
@@ -110,7 +111,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
         v_x = v * held / complement
         l_x = 2 * (p_u * u_x + p_v * v_x)
         # of ln(H_0)
-        gap = jnp.maximum(1 - x, 1e-9)
+        gap = maximum(1 - x, 1e-9)
         root = gap * jnp.sqrt(gap)
         short = root * gap / (np.pi * self.length_ratio**2)
         wide = np.sqrt(2) / (3 * np.pi) * root
@@ -148,7 +149,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
         size, along = split(force)
         x = dot(position, along)
         log = self._series("peak", x, dot(position, position))
-        return size * peak_unit(jnp.minimum(x, 1 - 1e-9)) * jnp.exp(log)
+        return size * peak_unit(minimum(x, 1 - 1e-9)) * jnp.exp(log)
 
     def side_flow(self, position, force, velocity):
         size, along = split(velocity)
@@ -218,7 +219,7 @@ class _Mobility(eqx.Module):
 
 def _held(x, square):
     """x and eps^2 moved to the largest eps of the table, along their ray, and the share that does it."""
-    within = jnp.minimum(1.0, _LAST / jnp.sqrt(jnp.maximum(square, _LAST**2)))
+    within = minimum(1.0, _LAST / jnp.sqrt(maximum(square, _LAST**2)))
     return x * within, square * within**2, within
 
 

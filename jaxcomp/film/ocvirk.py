@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from .._core.extremes import maximum
 from ._film import AbstractSolvedFilm
 
 
@@ -55,5 +56,5 @@ class Ocvirk(AbstractSolvedFilm):
             zeta: [-] from 0 in the mid-plane to 1 at the edge.
         """
         eps = film_ratio / (1 + film_ratio)
-        lobe = jnp.maximum(jnp.sin(theta), 0.0) / (1 + eps * jnp.cos(theta)) ** 3
+        lobe = maximum(jnp.sin(theta), 0.0) / (1 + eps * jnp.cos(theta)) ** 3
         return 3 * self.length_ratio**2 * eps * lobe * (1 - zeta**2)

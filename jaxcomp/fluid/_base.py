@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import clip, maximum
 from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
 
@@ -153,8 +154,8 @@ class AbstractFluid(Part):
 
             def newton(_, rho):
                 state = fluid.state(T, rho)
-                slope = jnp.maximum(state.dp_drho, least_slope * fluid.specific_gas_constant * T)
-                return jnp.clip(rho + (p - state.p) / slope, low * rho, high * rho)
+                slope = maximum(state.dp_drho, least_slope * fluid.specific_gas_constant * T)
+                return clip(rho + (p - state.p) / slope, low * rho, high * rho)
 
             return lax.fori_loop(0, steps, newton, start(fluid, T, p))
 
@@ -184,16 +185,16 @@ class AbstractFluid(Part):
                 value = misfit(unknowns, inputs)
                 jacobian = jax.jacfwd(misfit)(unknowns, inputs)
                 # a fifth in the logarithms at most: T and rho stay within what the terms can take
-                step = jnp.clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
+                step = clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)
-                return jnp.stack([jnp.clip(T, jnp.log(low), jnp.log(2 * high)), rho])
+                return jnp.stack([clip(T, jnp.log(low), jnp.log(2 * high)), rho])
 
             return lax.fori_loop(0, 40, newton, inputs[-1])
 
         # the perfect gas's isentrope is near enough to start from
         ratio = p / start.p
-        exponent = jnp.clip((start.kappa - 1) / start.kappa, 0.0, 0.4)
-        T = jnp.clip(start.T * ratio**exponent, low, high)
+        exponent = clip((start.kappa - 1) / start.kappa, 0.0, 0.4)
+        T = clip(start.T * ratio**exponent, low, high)
         guess = jnp.log(jnp.stack([T, start.rho * ratio * start.T / T]))
         # The root depends neither on the scale of a row nor on where it was sought from.
         inputs = (self, p, value, lax.stop_gradient(start.c_v), lax.stop_gradient(guess))

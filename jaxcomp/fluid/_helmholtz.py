@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import maximum
 from .._core.words import nearest
 
 # What an unknown name is answered with; all are too many for a sentence.
@@ -114,7 +115,7 @@ def poly(table: np.ndarray, x, y):
 
 def ancillary(curve: dict, T):
     # At the critical point theta to a power below one would have an infinite slope.
-    theta = jnp.maximum(1 - T / curve["T_r"], 1e-9)
+    theta = maximum(1 - T / curve["T_r"], 1e-9)
     total = jnp.sum(curve["n"] * theta ** curve["t"])
     if curve["form"] == "sum":
         return curve["reducing_value"] * (1 + total)

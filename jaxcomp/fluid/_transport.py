@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from .._core.extremes import clip
 from ._helmholtz import fluid_data
 
 
@@ -61,9 +62,9 @@ def mixed_transport(components: tuple[str, ...], x, T, reduced_density):
     T, reduced_density = jnp.broadcast_arrays(jnp.asarray(T), jnp.asarray(reduced_density))
     # components along a new first axis
     column = (-1,) + (1,) * T.ndim
-    at = jnp.clip(T, fits.T[:, 0].reshape(column), fits.T[:, 1].reshape(column))
+    at = clip(T, fits.T[:, 0].reshape(column), fits.T[:, 1].reshape(column))
     at = at / fits.T_r.reshape(column)
-    dense = jnp.clip(reduced_density, 0.0, fits.density_most.reshape(column))
+    dense = clip(reduced_density, 0.0, fits.density_most.reshape(column))
 
     def values(table, y):
         """(n, *T) by Horner's rule in both variables."""

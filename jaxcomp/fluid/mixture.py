@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from .._core.fields import Bound, Part, is_traced, quantity, rebuilt
 from .._core.roots import root
 from ._base import SmallSystem
@@ -420,7 +421,7 @@ class Mixture(AbstractRealGas):
             coefficients, ends, logarithm = inputs
             # linear beyond the ends, where the curve itself stays level and has no inverse
             value, slope = curve(coefficients, jax.lax.stop_gradient(ends), T)
-            inside = jnp.clip(T, ends[0], ends[2])
+            inside = clip(T, ends[0], ends[2])
             return value + slope * (T - inside) - logarithm
 
         def solve(inputs):

@@ -10,6 +10,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip, minimum
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
 from ._base import SmallSystem
@@ -143,15 +144,15 @@ class RealGas(AbstractRealGas):
         data = self.data
         fit = data["transport"]
         # beyond the range of the fit its values at the end: a polynomial is no guide out there
-        x = jnp.clip(T, *fit["T"]) / data["T_r"]
-        y = jnp.clip(rho, 0.0, fit["rho_most"]) / data["rho_r"]
+        x = clip(T, *fit["T"]) / data["T_r"]
+        y = clip(rho, 0.0, fit["rho_most"]) / data["rho_r"]
         return poly(fit["viscosity"], x, y), poly(fit["conductivity"], x, y)
 
     def is_wet(self, T, rho):
         data = self.data
         # Above 0.98 of the critical temperature, where the dew line gets vertical, nothing is called
         # wet; 2 % is room for the error of the curve.
-        theta = jnp.minimum(T, 0.98 * data["T_critical"])
+        theta = minimum(T, 0.98 * data["T_critical"])
         dew = jnp.vectorize(lambda T: ancillary(data["vapour_density"], T))(theta)
         return (theta == T) & (rho > 1.02 * dew)
 
@@ -224,7 +225,7 @@ class RealGas(AbstractRealGas):
                     return jnp.log(ancillary(curve, jnp.exp(x))) - log_input
 
                 misfit, slope = jax.value_and_grad(value)(x)
-                return jnp.clip(x - misfit / slope, low, high)
+                return clip(x - misfit / slope, low, high)
 
             log_T = log_input
             if p is not None:
@@ -235,7 +236,7 @@ class RealGas(AbstractRealGas):
             def newton(_, unknowns):
                 jacobian = jax.jacfwd(misfit)(unknowns, log_input)
                 step = jnp.linalg.solve(jacobian, misfit(unknowns, log_input))
-                return unknowns - jnp.clip(jnp.nan_to_num(step), -0.1, 0.1)
+                return unknowns - clip(jnp.nan_to_num(step), -0.1, 0.1)
 
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
 
@@ -257,7 +258,7 @@ class RealGas(AbstractRealGas):
 
             def newton(_, log_T):
                 excess, slope = jax.value_and_grad(misfit)(log_T, log_p)
-                return jnp.clip(log_T - excess / slope, *np.log(ends))
+                return clip(log_T - excess / slope, *np.log(ends))
 
             return lax.fori_loop(0, 8, newton, start)
 

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip, max_of, maximum
 from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
 from ..film.interface import PlacedJournal
@@ -149,17 +150,17 @@ class AbstractJointLoop(AbstractRoot):
 
     def newton_correction(self, unknowns, residual):
         # Floored as in the iteration: derivatives of locked joints mean nothing, but stay finite.
-        return -residual / jnp.maximum(self.slope(unknowns), _LEAST_SLOPE)
+        return -residual / maximum(self.slope(unknowns), _LEAST_SLOPE)
 
 
 def newton_step(unknown, excess, slope, limit):
     """The unknown of a joint loop after one step of Newton's method."""
-    return jnp.clip(unknown - excess / jnp.maximum(slope, _LEAST_SLOPE), -limit, limit)
+    return clip(unknown - excess / maximum(slope, _LEAST_SLOPE), -limit, limit)
 
 
 def relative(excess, size):
     """[-] What a balance leaves over the loads in it; where all of these vanish, rounding is none."""
-    return excess / (size + 1e-6 * jnp.max(size) + 1e-300)
+    return excess / (size + 1e-6 * max_of(size) + 1e-300)
 
 
 def closed(loop: AbstractJointLoop) -> Float[Array, "*n"]:

@@ -23,6 +23,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
+from .._core.extremes import clip
 from .._core.roots import AbstractRoot, root
 from ..film import AsperityContact
 
@@ -138,7 +139,7 @@ class _Thickness(AbstractRoot):
 
         def improve(_, z):
             residual, slope = jax.jvp(self.residual, (z,), (jnp.ones_like(z),))
-            return jnp.clip(z - residual / slope, low, high)
+            return clip(z - residual / slope, low, high)
 
         # Halved first: towards thin films the logarithm of the load flattens out, where Newton's
         # method would step far beyond. 14 halvings leave less than 1e-3 of ln h_0.

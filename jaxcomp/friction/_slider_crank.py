@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum, min_of
 from ..film import AbstractJournal
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ..mechanism.interface import RodBalance, pin_forces, rod_balance, rod_moment
@@ -126,7 +127,7 @@ class SliderCrankLoop(AbstractJointLoop):
         # Per newton of N, with the sign of d|N|/dN. The friction does not turn N round, because the
         # slope is positive.
         grip = self.friction.wall.force(jnp.sign(side), self.slide_speed)
-        return side / jnp.maximum(1 - grip * rod.sin_tilt / rod.cos_tilt, 1e-3)
+        return side / maximum(1 - grip * rod.sin_tilt / rod.cos_tilt, 1e-3)
 
     def size(self):
         return jnp.abs(self.start()) + jnp.abs(self.bodies.pin_x)
@@ -184,7 +185,7 @@ class SliderCrankLoop(AbstractJointLoop):
             if self.coupled:
                 # Far out on either side |N|, |T| and |S| grow in proportion to N, and the slope is
                 # at its limit.
-                margin = jnp.min(jax.vmap(self.slope)(jnp.stack([far, -far])), axis=0)
+                margin = min_of(jax.vmap(self.slope)(jnp.stack([far, -far])), axis=0)
         return JointLoads(
             forces={
                 "wall": jnp.stack([-wall, side]),

@@ -18,6 +18,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import max_of, minimum
 from ..film import AbstractJournal
 from ..film.interface import PlacedJournal
 from ..mechanism import CrankState, LinkMotion, SliderLink, Vector, contact
@@ -198,7 +199,7 @@ class SliderLinkLoop(AbstractJointLoop):
             residual = self._residual(touch, on_link, pin_moment)
             margin = touch.margin
             if self.coupled:
-                margin = jnp.minimum(margin, lax.stop_gradient(self.slope(unknown)))
+                margin = minimum(margin, lax.stop_gradient(self.slope(unknown)))
         wall_1, wall_2 = (self.wall * jnp.abs(side) for side in (touch.crown, touch.edge))
         return JointLoads(
             forces={
@@ -232,7 +233,7 @@ class SliderLinkLoop(AbstractJointLoop):
         ])  # fmt: skip
         inertia = self.mechanism.piston_mass * self.pin_acceleration[0]
         size = pressed + jnp.abs(touch.slider) + jnp.abs(inertia) + jnp.abs(self.gas_force)
-        return relative(jnp.max(jnp.abs(imbalance), axis=0), size)
+        return relative(max_of(jnp.abs(imbalance), axis=0), size)
 
 
 @joint_loop.register

@@ -5,6 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import max_of, min_of
 from .._core.fields import ANY, NONNEGATIVE, quantity
 from ._diagram import AbstractDiagram, check_same_length, curve, with_knots
 
@@ -47,7 +48,7 @@ class CrankAngleTable(AbstractDiagram):
         within = self.angle[-1] - self.angle[0] < 2 * jnp.pi + _SAME_ANGLE
         pressure = self.cylinder_pressure
         step = jnp.abs(pressure[-1] - pressure[0])
-        alike = step <= _SAME_PRESSURE * (jnp.max(pressure) - jnp.min(pressure))
+        alike = step <= _SAME_PRESSURE * (max_of(pressure) - min_of(pressure))
         return {
             "a table within one revolution (two, as of four strokes, are not modelled)": within,
             "a table with rising angles": rising,

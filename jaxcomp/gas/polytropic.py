@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import clip, maximum, minimum
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
 from ._base import AbstractGas
 
@@ -85,7 +86,7 @@ class PolytropicCycle(AbstractGas):
     def filling(self) -> Float[Array, ""]:
         """[-] Volume drawn, at the state of the inlet, over swept volume: 1 + c - c r^(1/n)."""
         clearance = self.clearance_ratio
-        return jnp.maximum(1 + clearance - clearance * self._opening, 0.0)
+        return maximum(1 + clearance - clearance * self._opening, 0.0)
 
     @property
     def _opening(self) -> Float[Array, ""]:
@@ -97,14 +98,14 @@ class PolytropicCycle(AbstractGas):
         largest = clearance + stroke.swept
         # At the top dead centre of a machine without clearance the volume is zero: there the
         # compression stroke is limited by p_d and the re-expansion is over at once.
-        volume = jnp.maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
+        volume = maximum(clearance + stroke.displaced, 1e-30 * stroke.swept)
         opening = self._opening
         # Ratios of volumes are limited in the place of pressures, so that one power serves both
         # strokes.
-        compressed = jnp.minimum(largest / volume, opening)
+        compressed = minimum(largest / volume, opening)
         # Re-expansion starts from what the compression has reached, p_d or less.
-        top = jnp.minimum(largest / jnp.maximum(clearance, 1e-30 * stroke.swept), opening)
-        expanded = jnp.maximum(top * clearance / volume, 1.0)
+        top = minimum(largest / maximum(clearance, 1e-30 * stroke.swept), opening)
+        expanded = maximum(top * clearance / volume, 1.0)
         return self.suction_pressure * (
             jnp.where(stroke.inward > 0, compressed, expanded) ** self.exponent
         )
@@ -114,6 +115,6 @@ class PolytropicCycle(AbstractGas):
         opening = self._opening
         largest = clearance + swept
         # Where nothing is delivered both are at the dead centres, which are ends of panels anyway.
-        discharge = jnp.clip(largest / opening - clearance, 0.0, swept)
-        suction = jnp.clip(clearance * opening - clearance, 0.0, swept)
+        discharge = clip(largest / opening - clearance, 0.0, swept)
+        suction = clip(clearance * opening - clearance, 0.0, swept)
         return (discharge, True), (suction, False)

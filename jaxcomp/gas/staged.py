@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity
 from .._core.roots import AbstractRoot, root
 from ._base import AbstractGas
@@ -148,7 +149,7 @@ class StagedCycle(AbstractGas):
         columns = (ends * area * stroke, self.clearance_ratio, self.exponent)
         volume, clearance, exponent = (jnp.broadcast_to(x, (count,)) for x in columns)
         # The flows become of order one; only ratios of volumes count, also in derivatives.
-        volume = volume / lax.stop_gradient(jnp.max(volume))
+        volume = volume / lax.stop_gradient(max_of(volume))
         outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))
         if stage_count == 1:
             return jnp.exp(outer)

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import maximum
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
 from ._base import (
     AbstractKinematics,
@@ -198,7 +199,7 @@ def rod_motion(mechanism: SliderCrank, angle: Float[Array, "*n"]) -> RodMotion:
     c, s = r * cosine, r * sine
     sin_tilt = (s - e) / l
     # the floor is reached only by a mechanism that cannot turn, which is reported elsewhere
-    cos_tilt = jnp.sqrt(jnp.maximum(1 - sin_tilt * sin_tilt, 1e-8))
+    cos_tilt = jnp.sqrt(maximum(1 - sin_tilt * sin_tilt, 1e-8))
     tan_tilt = sin_tilt / cos_tilt
     reach = l * cos_tilt
     tilt_1 = c / reach

@@ -31,6 +31,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import maximum
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity
 from ._base import AbstractKinematics, AbstractMechanism, crank_direction, swing_at
 
@@ -161,7 +162,7 @@ def contact_arms(mechanism: SliderLink, angle: Float[Array, "*n"]) -> ContactArm
     cosine, sine = crank_direction(angle)
     engaged = mechanism.cylinder_length - radius * (1 - cosine)
     # the floor is reached only by a piston that leaves its cylinder, which is reported elsewhere
-    engaged = jnp.maximum(engaged, 1e-6 * mechanism.cylinder_length)
+    engaged = maximum(engaged, 1e-6 * mechanism.cylinder_length)
     return ContactArms(
         engaged,
         crown=jnp.broadcast_to(mechanism.crown_to_link, engaged.shape),
@@ -245,11 +246,11 @@ def contact(
     edge_side = -_side(a2 * q - kappa_2 - jnp.sign(a2) * between)
     slope = 1 + wall * (crown_side * a1 - edge_side * a2)
     # on either side of N, whichever it is: the margin must not jump where N turns round
-    steepest = jnp.maximum(*(sum(map(jnp.abs, slopes(side))) for side in (1.0, -1.0)))
+    steepest = maximum(*(sum(map(jnp.abs, slopes(side))) for side in (1.0, -1.0)))
     margin = 1 - jnp.abs(wall) * steepest
     # A piston that wedges is reported by the margin; the floor keeps its forces within some twenty
     # times the thrust, so that an iteration over them stays finite.
-    slope = jnp.maximum(slope, jnp.where(margin > 0, 1e-9, 0.05 * (1 + steepest)))
+    slope = maximum(slope, jnp.where(margin > 0, 1e-9, 0.05 * (1 + steepest)))
     n = (q + wall * (crown_side * kappa_1 - edge_side * kappa_2)) / slope
     return Contact(a1 * n - kappa_1, -a2 * n + kappa_2, n, margin)
 

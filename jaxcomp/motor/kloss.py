@@ -2,9 +2,9 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import minimum
 from .._core.fields import POSITIVE, quantity
 from ._base import AbstractMotor
 
@@ -40,4 +40,4 @@ class Kloss(AbstractMotor):
     @property
     def speed_guess(self):
         # On the stable side of the pull-out, where the torque is 55 % of its largest.
-        return self.synchronous_speed * (1 - 0.3 * jnp.minimum(self.pull_out_slip, 1.0))
+        return self.synchronous_speed * (1 - 0.3 * minimum(self.pull_out_slip, 1.0))

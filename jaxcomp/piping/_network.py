@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.extremes import max_of
 from ._gas import PipeGas
 from ._piping import LINE, Piping
 from .pipe import FourPole, WaveLine, attenuated_line, four_pole, walled_line
@@ -130,7 +131,7 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         # without a pipe beside it a hole counts as in a vessel
         pipe_diameter = 1e3 * orifice.diameter
         if adjacent:
-            pipe_diameter = jnp.max(diameter[np.array(adjacent)])
+            pipe_diameter = max_of(diameter[np.array(adjacent)])
         coefficient = orifice.coefficient(gas.density, pipe_diameter)
         # the slope of c q |q| at the usual flow: by it, and not by the chord, a pulsation is damped that
         # is small beside the mean
@@ -196,7 +197,7 @@ def steady_transfers(network: Network, gas: PipeGas, drag: Drag) -> FourPole:
 
 def flow_scale(network: Network, gas: PipeGas) -> Float[Array, ""]:
     """[kg/(s Pa)] Admittance of the widest pipe, by which flows and pressures are of one size."""
-    return jnp.max(network.area) / gas.sound_speed
+    return max_of(network.area) / gas.sound_speed
 
 
 def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool = False):

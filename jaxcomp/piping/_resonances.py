@@ -9,6 +9,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
+from .._core.extremes import maximum
 from ._gas import PipeGas
 from ._network import Network, impedances, no_drag, tableau, transfers
 
@@ -120,5 +121,5 @@ def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
     followed = _followed(network, gas, jnp.asarray(distinct))
     damping = jnp.abs(followed.real)
     # without losses Q has no bound
-    quality = followed.imag / (2 * jnp.maximum(damping, 1e-12 * followed.imag))
+    quality = followed.imag / (2 * maximum(damping, 1e-12 * followed.imag))
     return Resonances(followed.imag / (2 * np.pi), quality, followed)

@@ -7,6 +7,8 @@ pulsation, on the side of the line of each component by itself; the two are not 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import minimum
+
 
 def flange_limit(pressure_ratio: Float[Array, ""] | float) -> Float[Array, ""]:
     """Allowed pulsation [-] at the cylinder's flange, unfiltered: the lesser of 7 % and 3 R %.
@@ -14,7 +16,7 @@ def flange_limit(pressure_ratio: Float[Array, ""] | float) -> Float[Array, ""]:
     Args:
         pressure_ratio: [-] R of the stage.
     """
-    return jnp.minimum(7.0, 3.0 * pressure_ratio) / 100
+    return minimum(7.0, 3.0 * pressure_ratio) / 100
 
 
 def line_limit(

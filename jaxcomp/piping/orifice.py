@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 
 
@@ -73,6 +74,6 @@ class Orifice(Part):
         loss = self.loss_coefficient
         if loss is None:
             # short of one, where the slope of the root is infinite
-            share = jnp.clip((self.diameter / pipe_diameter) ** 2, 0.0, 1.0 - 1e-9)
+            share = clip((self.diameter / pipe_diameter) ** 2, 0.0, 1.0 - 1e-9)
             loss = (1 - share + 0.707 * jnp.sqrt(1 - share)) ** 2
         return loss / (2 * density * area**2)

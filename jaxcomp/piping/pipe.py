@@ -21,6 +21,7 @@ from jax import lax
 from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, Bound, Part, quantity, spread_columns
 from ._gas import PipeGas
 
@@ -170,14 +171,14 @@ def friction_factor(
 
     Between Re 2000 and 4000 the two are blended, so that derivatives stay finite.
     """
-    reynolds = jnp.maximum(reynolds, 1.0)
+    reynolds = maximum(reynolds, 1.0)
     laminar = 64 / reynolds
     rough = (relative_roughness / 3.7) ** 1.11
-    turbulent = (-1.8 * jnp.log10(rough + 6.9 / jnp.maximum(reynolds, 2e3))) ** -2
+    turbulent = (-1.8 * jnp.log10(rough + 6.9 / maximum(reynolds, 2e3))) ** -2
     return laminar + turbulent_share(reynolds) * (turbulent - laminar)
 
 
 def turbulent_share(reynolds: Float[Array, " p"]) -> Float[Array, " p"]:
     """Share [-] of turbulent friction: none below Re 2000, all above 4000."""
-    share = jnp.clip((reynolds - 2e3) / 2e3, 0.0, 1.0)
+    share = clip((reynolds - 2e3) / 2e3, 0.0, 1.0)
     return share**2 * (3 - 2 * share)

@@ -22,6 +22,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.fields import is_traced
 from .._core.results import Data, Result
 from ._conventions import from_planes
@@ -209,7 +210,7 @@ def _spectrum(m, d, k):
     # nu = 1/(lambda - 1).
     nu, v = jnp.linalg.eig(jnp.block([[-pd, -pm], [jnp.eye(n) - pd, -pm]]))
     # Massless coordinates have nu = 0 but for rounding.
-    finite = jnp.abs(nu) > 1e-13 * jnp.max(jnp.abs(nu))
+    finite = jnp.abs(nu) > 1e-13 * max_of(jnp.abs(nu))
     lam = 1 + 1 / jnp.where(finite, nu, 1.0)
     # A rigid motion is a double zero with one vector, which rounding splits by its square root.
     rigid = jnp.abs(lam) < 1e-5
@@ -270,7 +271,7 @@ def _refined_vectors(m, d, k, lam_new, lam, x):
         slope = frozen((2 * lam * m + d) @ x)
         matrix = jnp.block([[p, slope[:, None]], [e[None, :], jnp.zeros((1, 1))]])
         # Forces, moments and the condition on the vector in rows of one size.
-        size = jnp.max(jnp.abs(matrix), 1)
+        size = max_of(jnp.abs(matrix), 1)
         residual = (lam_new**2 * m + lam_new * d + k) @ x
         step = jnp.linalg.solve(matrix / size[:, None], -jnp.append(residual, 0.0) / size)[:-1]
         # `eig` leaves only rounding to mend: a long step comes from a matrix all but singular.

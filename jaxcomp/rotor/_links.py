@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip
 from .._core.fields import POSITIVE, Part, is_traced, quantity
 from ..film import AbstractSolvedFilm, JournalBearing, NamedBearing
 from ..film.interface import stiffness_damping
@@ -304,8 +305,8 @@ def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
 
 def _through_points(x, y, at, kind):
     """Interpolate `y` (m, ...) over `x` (m,); exact at every point of the table."""
-    at = jnp.clip(at, x[0], x[-1])
-    i = jnp.clip(jnp.searchsorted(x, at, side="right") - 1, 0, x.shape[0] - 2)
+    at = clip(at, x[0], x[-1])
+    i = clip(jnp.searchsorted(x, at, side="right") - 1, 0, x.shape[0] - 2)
     h = x[i + 1] - x[i]
     t = (at - x[i]) / h
     if kind == "linear":

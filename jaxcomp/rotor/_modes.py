@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.fields import admissible
 from .._core.results import Data, Result
 from ._conventions import AXES, add, from_planes, to_planes
@@ -139,7 +140,7 @@ class Modes(Result, eqx.Module):
         Rounding leaves a rigid motion with a square of either sign, far below the first elastic
         one; it is shown as zero.
         """
-        rigid = self.square**2 <= (_RIGID * jnp.max(jnp.abs(self.square))) ** 2
+        rigid = self.square**2 <= (_RIGID * max_of(jnp.abs(self.square))) ** 2
         return jnp.where(rigid, 0.0, jnp.sqrt(jnp.where(rigid, 1.0, self.square)))
 
 
@@ -283,7 +284,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     mu, x = pencil(k, m)
     x = x[:, :count] / jnp.sqrt(mu[:count])
     value = jnp.einsum("im,ij,jm->m", x, k, x)
-    top = jnp.max(jnp.abs(value))
+    top = max_of(jnp.abs(value))
     same = jnp.abs(value[:, None] - value[None, :]) <= 1e3 * CLUSTER * top
     # One value for a cluster, so that k - value m is singular along all of its vectors.
     value = same @ value / jnp.sum(same, 1)
@@ -292,7 +293,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     # beyond all derivatives keeps the clusters apart in one `eigh`.
     change = x.T @ dk @ x - 0.5 * (value[:, None] + value[None, :]) * (x.T @ dm @ x)
     change = jnp.where(same, change, 0.0)
-    spread = 4 * count * (jnp.max(jnp.abs(change)) + 1e-300)
+    spread = 4 * count * (max_of(jnp.abs(change)) + 1e-300)
     group = jnp.argmax(same, 1)  # number of the first member of the cluster
     _, turn = jnp.linalg.eigh(change + spread * jnp.diag(group.astype(float)))
     x = x @ turn
@@ -311,7 +312,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     out = jax.vmap(outside, (1, 0, 0, 0), 1)(x, value, rate, same.astype(float))
     gap = rate[None, :] - rate[:, None]  # lambda'_j - lambda'_i for column j
     # Of a pair that stays together the two rates differ by rounding only.
-    apart = same & (jnp.abs(gap) > 1e-9 * (jnp.max(jnp.abs(rate)) + 1e-300))
+    apart = same & (jnp.abs(gap) > 1e-9 * (max_of(jnp.abs(rate)) + 1e-300))
     # Second-order balance inside the cluster: x_i^T (P'' x_j + 2 P' x_j') = 2 lambda'_j-terms.
     second = x.T @ ddk @ x - value * (x.T @ ddm @ x) - 2 * rate * (x.T @ dm @ x)
     second += 2 * (x.T @ dk @ out - value * (x.T @ dm @ out))

@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of
+
 # Eigenvalues closer than this, relative to the largest, count as one. It lies well above the
 # rounding of `eigh` (some n eps) and far below any split that a table of frequencies would show.
 CLUSTER = 1e-11
@@ -28,7 +30,7 @@ def _eigh_jvp(primals, tangents):
     (da,) = tangents
     values, vectors = eigh(a)
     gap = values[None, :] - values[:, None]
-    same = jnp.abs(gap) <= CLUSTER * jnp.max(jnp.abs(values))
+    same = jnp.abs(gap) <= CLUSTER * max_of(jnp.abs(values))
     inner = vectors.conj().T @ da @ vectors
     # Double where: the quotient of a vanishing gap must not reach the tangent.
     turn = jnp.select([~same], [inner / jnp.where(same, 1.0, gap)])

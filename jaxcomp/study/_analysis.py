@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.errors import BadInput
+from .._core.extremes import min_of
 from .._core.fields import admissible
 from .._core.registry import Quantity, is_external, offered_values, registered, registered_quantity
 from .._core.status import Status
@@ -157,7 +158,7 @@ class DesignResult:
         """[m] Smallest of all journals over the revolution."""
         films = [film.minimum_film for film in self.journals.values()]
         if films:
-            return jnp.min(jnp.stack(films))
+            return min_of(jnp.stack(films))
         return jnp.asarray(jnp.inf)
 
     @property

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import max_of
 from ..compressor import Compressor, piston_strokes
 from ..gas import DoubleActing, StagedCycle
 
@@ -82,7 +83,7 @@ def ideal_delivery(
         cycle = chambers[0][0]
         ratio = cycle.discharge_pressure / cycle.suction_pressure
         heated = jnp.broadcast_to(ratio ** (1 - 1 / cycle.exponent), (count,))
-        hot = inlet * jnp.max(jnp.where(stages == last_stage, heated, 0.0))
+        hot = inlet * max_of(jnp.where(stages == last_stage, heated, 0.0))
     return IdealDelivery(
         free_air=free_air,
         volumetric_efficiency=drawn / volume,

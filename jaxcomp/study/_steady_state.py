@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax
-import jax.numpy as jnp
 
 from .._core.display import ZERO_CELSIUS
 from .._core.each import of_cylinder
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.nested import Table
 from .._core.registry import Quantity, offered_values, registered
 from .._core.results import Data, Result
@@ -359,12 +359,12 @@ def _remarks_on_range(cycle: Any) -> Iterator[str]:
         return
     if not fluid.knows_dew_points:
         yield f"Whether {fluid.name} condenses is not known: no dew point of it was found."
-    densest = float(jnp.max(of_each(cycle).pressure))
+    densest = float(max_of(of_each(cycle).pressure))
     if densest > fluid.highest_pressure:
         reached = f"The gas reaches {densest / 1e5:.4g} bar"
         end = f"beyond {fluid.highest_pressure / 1e5:.4g} bar, up to which the equation of state of"
         yield f"{reached}, {end} {fluid.pressure_ends_with} was fitted."
-    hottest = float(jnp.max(of_each(cycle).temperature))
+    hottest = float(max_of(of_each(cycle).temperature))
     _, highest = fluid.temperature_range
     if hottest > highest:
         reached = f"The gas reaches {hottest - ZERO_CELSIUS:.0f} °C"

@@ -20,6 +20,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput, kind_text
 from .._core.exported import kept_jit
+from .._core.extremes import max_of, min_of
 from .._core.fields import rebuilt, replaced
 from .._core.nested import fields_of
 from .._core.results import Data, Result
@@ -252,7 +253,7 @@ def rating_map(
     D = jnp.asarray(condensing, float)
     compressor = at_rating(machine, S[0], D[0], rating, reference)
     # The closest and the widest pair: what is out of order or out of range is so at one of them.
-    for ends in ((jnp.max(S), jnp.min(D)), (jnp.min(S), jnp.max(D))):
+    for ends in ((max_of(S), min_of(D)), (min_of(S), max_of(D))):
         at_rating(compressor, *ends, rating, reference)
     shape = S.size, D.size
     points = jnp.repeat(S, D.size), jnp.tile(D, S.size)

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.extremes import clip
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
 from .._core.polynomials import cubics, inner_slopes
 from .oil_film import OilFilm
@@ -146,4 +147,4 @@ def _curve(x, knots, values):
     secant, inner = inner_slopes(knots, values)
     # No slope at the last point, so that the constant beyond joins without a kink.
     slopes = jnp.concatenate([secant[:1], inner, jnp.zeros(1)])
-    return cubics(jnp.clip(x, knots[0], knots[-1]), knots, values, slopes)
+    return cubics(clip(x, knots[0], knots[-1]), knots, values, slopes)

@@ -22,6 +22,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum
+
 # [-] Softens the root of the quasi-steady law: relative error of flows 1.6 times as large.
 SOFTENING = 1e-9
 
@@ -46,7 +48,7 @@ class Side(NamedTuple):
     def pressure_ratio(self, low: "Side") -> Float[Array, ""]:
         """[-] Of a nozzle from here to a side of lower pressure, not below that at which it chokes."""
         critical = critical_ratio(self.kappa) if self.critical is None else self.critical
-        return jnp.maximum(low.p / self.p, critical)
+        return maximum(low.p / self.p, critical)
 
 
 def choose(first, a: Side, b: Side) -> Side:

@@ -5,6 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.extremes import maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 
 
@@ -36,5 +37,5 @@ class OilFilm(Part):
     def resistance(self, lift: Float[Array, ""], port_diameter) -> Float[Array, ""]:
         """Force over the plate's velocity [N s/m] at a lift [m]."""
         diameter = port_diameter if self.seat_diameter is None else self.seat_diameter
-        gap = jnp.maximum(lift, 0.0) + self.thickness
+        gap = maximum(lift, 0.0) + self.thickness
         return jnp.pi * diameter * self.viscosity * (self.seat_width / gap) ** 3

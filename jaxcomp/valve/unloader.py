@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
+from .._core.extremes import clip, minimum
 from .._core.fields import NONNEGATIVE, Bound, Part, is_traced, quantity
 
 # [rad] Angles of the end at which the force may begin to fall, while gas is pushed back, and to rise.
@@ -63,7 +64,7 @@ class Unloader(Part):
             return  # which its bound says
         # The force has risen before it falls, and fallen before it rises again.
         held = self.release - self.engagement
-        longest = jnp.minimum(held, 2 * np.pi - held)
+        longest = minimum(held, 2 * np.pi - held)
         if not is_traced(self.duration) and bool(self.duration > longest):
             size = f"{longest:.5g} rad ({np.rad2deg(longest):.4g} deg)"
             bound = f"<= {size}, between engagement and release"
@@ -94,5 +95,5 @@ class Unloader(Part):
 
 
 def _smooth_step(share: Float[Array, ""]) -> Float[Array, ""]:
-    x = jnp.clip(share, 0.0, 1.0)
+    x = clip(share, 0.0, 1.0)
     return x**3 * (10 + x * (6 * x - 15))

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.exported import kept_jit
+from .._core.extremes import max_of
 from .._core.nested import fields_of, records
 from .._core.results import Data, Result, reading
 from ..compressor import Compressor
@@ -289,7 +290,7 @@ def _block_vibration(
             "position": point,
             "amplitude": jnp.abs(motion.amplitude[:, 0]),
             "rms": jnp.linalg.norm(motion.rms),
-            "peak": jnp.max(jnp.linalg.norm(motion.at(time), axis=0)),
+            "peak": max_of(jnp.linalg.norm(motion.at(time), axis=0)),
             "free_body": jnp.abs(unsprung.amplitude[:, 0]),
             "free_body_error": _deviation(unsprung, motion)[0],
         }

@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.extremes import maximum
 from .._core.fields import rebuilt, replaced
 from .._core.words import one_of
 from ..compressor import Compressor, at_speed
@@ -298,7 +299,7 @@ def loaded_rotor(
         )
         raise BadInput(f"rotor.links.{opened[0]}.law.load", None, bound)
     # At rest there is no revolution over which a force has a mean.
-    speeds = jnp.maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
+    speeds = maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
     tables = _load_tables(machine.compressor, rotor, case.crank.pins, speeds, solver)

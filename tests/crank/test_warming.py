@@ -16,8 +16,6 @@ from jaxcomp.motor import ConstantSpeed, MeanSpeed
 LAW = 0.01, 0.1  # [W/K], [-]
 # on 30 panels the valves of this cylinder have several courses, and rounding chooses among them
 SOLVER = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=48, nodes=6))
-# on 48 rounding chose in one of two programs of derivatives
-FINER = Collocation(nodes=6, reversals=0, cycle=CycleOptions(panels=72, nodes=6))
 
 
 def warmed(motor=ConstantSpeed, leakage=None):
@@ -50,7 +48,7 @@ def heats(machine, orbit):
     return gained, law.heat(case.comes, compressed, cycle.mass_flow, loss, returned)
 
 
-def of_factors(factors, solver=SOLVER):
+def of_factors(factors):
     """Flow, power and temperature at the valve over clearance, conductance and share of the losses."""
     machine = warmed()
     machine = eqx.tree_at(
@@ -62,7 +60,7 @@ def of_factors(factors, solver=SOLVER):
         machine,
         (machine.gas.clearance_ratio * factors[0], LAW[0] * factors[1], LAW[1] * factors[2]),
     )
-    orbit = solve_orbit(machine, solver, throw=False)
+    orbit = solve_orbit(machine, SOLVER, throw=False)
     power = performance(machine, orbit).electric_power
     return jnp.log(jnp.stack([orbit.cycle.mass_flow, power, orbit.cycle.case.suction.T]))
 
@@ -110,8 +108,8 @@ def test_slopes_over_the_law_are_those_of_differences():
 
 @pytest.mark.slow  # a minute of compilation
 def test_reverse_mode_agrees_with_forward_mode():
-    forward = jax.jit(jax.jacfwd(lambda factors: of_factors(factors, FINER)))(jnp.ones(3))
-    reverse = jax.jit(jax.grad(lambda factors: of_factors(factors, FINER)[0]))(jnp.ones(3))
+    forward = jax.jit(jax.jacfwd(of_factors))(jnp.ones(3))
+    reverse = jax.jit(jax.grad(lambda factors: of_factors(factors)[0]))(jnp.ones(3))
     # both mix the tangents until 1e-11 is left
     np.testing.assert_allclose(reverse, forward[0], rtol=1e-6)
 

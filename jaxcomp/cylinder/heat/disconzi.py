@@ -4,6 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from ..._core.extremes import maximum
 from ._base import AbstractHeat
 
 
@@ -18,7 +19,7 @@ class Disconzi(AbstractHeat):
 
     def coefficient(self, at):
         u, c = at.piston_speed, at.port_speed
-        c = jnp.maximum(c, 1e-6 * u)  # its powers have no slope at rest
+        c = maximum(c, 1e-6 * u)  # its powers have no slope at rest
         discharge = at.discharge_open * u**0.8 * c**0.2
         suction = at.suction_open * u**-0.4 * c**1.4
         factor = jnp.where(at.outward > 0, 0.12, 0.08)

@@ -2,8 +2,7 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
-
+from ..._core.extremes import maximum
 from ._base import AbstractHeat
 
 
@@ -13,6 +12,6 @@ class Woschni(AbstractHeat):
     kind: ClassVar[str] = "woschni"
 
     def coefficient(self, at):
-        open_now = jnp.maximum(at.suction_open, at.discharge_open)
+        open_now = maximum(at.suction_open, at.discharge_open)
         velocity = (2.28 + (6.18 - 2.28) * open_now) * at.piston_speed
         return 0.035 * at.reynolds(velocity) ** 0.8 * at.conductivity / at.bore

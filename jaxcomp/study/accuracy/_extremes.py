@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._core.errors import BadInput
+from ..._core.extremes import max_of
 from ..._core.fields import replaced
 from ..._core.nested import fields_of
 from ..._core.results import Data, Result
@@ -401,7 +402,7 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     planes = assembly.balancing
     if assembly.rotor is None or case is None or planes is None or not assembly.given_loads:
         return
-    top = float(jnp.max(planes.speeds))
+    top = float(max_of(planes.speeds))
     speeds = np.linspace(*_SPEEDS, _COUNT) * top
     damped = loaded_rotor(assembly, jnp.asarray(speeds))
     loads = assembly.given_loads
@@ -437,8 +438,8 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
                 seconds=float("nan"),
             )
             continue
-        value = float(jnp.max(jnp.abs(structured.displacement)))
-        gap = float(jnp.max(jnp.abs(structured.displacement - dense.displacement))) / value
+        value = float(max_of(jnp.abs(structured.displacement)))
+        gap = float(max_of(jnp.abs(structured.displacement - dense.displacement))) / value
         good = bool(jnp.all(structured.ok))
         status = "the response is not to be relied on"
         if good:
@@ -461,4 +462,6 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
 def _sizes(model, loads, speeds) -> np.ndarray:
     """[m] Largest displacement at each speed [rad/s]."""
     response = respond(model, loads, jnp.asarray(speeds))
-    return np.asarray(jnp.max(jnp.abs(response.displacement[0]), axis=(-2, -1)))  # of order 1
+    return np.asarray(
+        max_of(max_of(jnp.abs(response.displacement[0]), axis=-1), axis=-1)
+    )  # of order 1

@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from ..._core.errors import BadInput
+from ..._core.extremes import clip
 from ..._core.roots import FixedPointReport
 from ..._core.status import Status
 from ...compressor import Compressor, instants, kink_angles, loads_at
@@ -200,7 +201,7 @@ def _laws(design: Machine, machine: Compressor, name: str):
         speed = state[0]
         motor = level * machine.motor.torque(speed)
         # a stage on an edge would pick the formula of either side at random
-        inside = jnp.clip(angle, low + 1e-10, high - 1e-10)
+        inside = clip(angle, low + 1e-10, high - 1e-10)
         rise, conservative, loads = acceleration(machine, inside, speed, motor)
         accounts = [motor, -conservative, *loads.loss_torque.values()]
         return jnp.stack([rise / speed, 1 / speed, *accounts])

@@ -21,6 +21,7 @@ import numpy as np
 
 from ... import film as films
 from ..._core.errors import BadInput
+from ..._core.extremes import max_of
 from ...crank import Collocation, solve_orbit
 from ...crankshaft.interface import film_journals
 from ...machine import Machine, assembled
@@ -191,7 +192,7 @@ def film_places(design: Machine) -> tuple[Place, ...]:
         for name, bearing in journals.items():
             places += _place(name, bearing, orbit.mean_forces[name], orbit.mean_speed)
     if isinstance(assembly.rotor, RotorModel) and assembly.balancing is not None:
-        speed = jnp.max(assembly.balancing.speeds)
+        speed = max_of(assembly.balancing.speeds)
         for link in loaded_rotor(assembly, speed[None]).links:
             if isinstance(link.law, LoadedFilm):
                 assert isinstance(link.law.bearing, films.JournalBearing)
@@ -252,7 +253,7 @@ def response_study(question: Question, thorough: bool) -> Study:
     """Solvers of the response by number of speeds; the error is that of all displacements."""
     assembly = question.assembly
     assert assembly.balancing is not None
-    compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(jnp.max(assembly.balancing.speeds))
+    compared = np.linspace(_LOWEST, 1.0, _COMPARED) * float(max_of(assembly.balancing.speeds))
     model = loaded_rotor(assembly, jnp.asarray(compared))
     loads = assembly.given_loads or assembly.unbalances
 

@@ -13,6 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from ..._core.errors import BadInput, kind_text
 from ..._core.exported import kept_jit
+from ..._core.extremes import maximum
 from ...compressor import Compressor, mechanisms_of
 from ...cylinder import Cylinder
 from ...fluid import AbstractRealGas
@@ -427,7 +428,7 @@ def _limits(fluid: AbstractRealGas, evaporating, condensing, gas, useful, liquid
         low = fluid.saturation(T=evaporating).p
         high = fluid.saturation(T=condensing).p
         suction = fluid.state(gas, fluid.density(gas, low))
-        warm = jnp.maximum(gas, condensing) + 20.0
+        warm = maximum(gas, condensing) + 20.0
         behind = fluid.at_entropy(high, suction.s, fluid.state(warm, fluid.density(warm, high)))
         worth = capacity_rise(fluid, evaporating, condensing, useful, liquid)
         return suction.rho, behind.h - suction.h, worth

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from ..._core.errors import BadInput
+from ..._core.extremes import max_of
 from ..._core.fields import replaced
 from ...machine import Machine, assembled
 from ...rotor import AXES, node_index, undamped_modes
@@ -147,7 +148,7 @@ class ModalTest(AbstractMeasurement):
         product = reading @ shapes.T  # (k, modes)
         square = is_measured.astype(float) @ (shapes.T**2)
         # Of a mode that does not move where it was measured, as torsion, rounding alone is left.
-        moves = square > _SEEN * jnp.max(square, axis=1, keepdims=True)
+        moves = square > _SEEN * max_of(square, axis=1)[:, None]
         if self.nodes:
             # The modal assurance criterion but for the reading's own square, the same for all modes.
             fixed = lax.stop_gradient(product**2 / jnp.where(moves, square, 1.0))

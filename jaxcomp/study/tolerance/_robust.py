@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 from scipy.stats import beta
 
 from ..._core.errors import BadInput
+from ..._core.extremes import maximum
 from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, variable
 from .._problem import RequestedQuantity, name_of, value_of
@@ -120,7 +121,7 @@ def robust(
 def _mean_and_deviation(sigmas):
     def measure(values):
         # the variance of a machine without scatter is zero, where a root has no slope
-        spread = jnp.sqrt(jnp.maximum(jnp.var(values), jnp.finfo(values.dtype).tiny))
+        spread = jnp.sqrt(maximum(jnp.var(values), jnp.finfo(values.dtype).tiny))
         return jnp.mean(values) + sigmas * spread
 
     return measure
