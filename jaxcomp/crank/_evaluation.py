@@ -13,7 +13,6 @@ from .._core.roots import FixedPointReport, frozen
 from .._core.status import Status
 from ..compressor import Instants, instants, loop_of
 from ..friction import JointLoads
-from ..friction.interface import magnitude
 from ._iteration import (
     ENERGY_FLOOR,
     Motion,
@@ -27,7 +26,7 @@ from ._iteration import (
 from ._journals import by_joint, journal_drive, orbit_status, with_journals
 from ._motion import Course, closure_of
 from ._orbit import Energy, Orbit
-from ._panels import Panels, highest, panels
+from ._panels import Panels, farthest, highest, panels
 
 # [-] Change of the duration of a revolution with twice the nodes beyond which it counts as not
 # resolved. Ordinary ones stay below 1e-5 with 8 nodes on a panel, and below 1e-4 with 5.
@@ -257,10 +256,10 @@ def orbit_on_panels(
     find = jax.vmap(partial(highest, grid.rule, grid.width))
     extremes = find(jnp.stack([-state.speed, state.speed]))
 
-    sizes = magnitude(*jnp.stack(list(loads.forces.values()), axis=1))
-    peaks = find(sizes)
-    terms = jnp.abs(lax.stop_gradient(sizes) @ grid.rule.to_legendre.T)
-    error = max_of(terms[..., -2] + terms[..., -1], axis=-1)
+    forces = jnp.stack(list(loads.forces.values()))
+    peaks = jax.vmap(partial(farthest, grid.rule, grid.width))(forces)
+    terms = jnp.abs(lax.stop_gradient(forces) @ grid.rule.to_legendre.T)
+    error = max_of(jnp.hypot(*jnp.moveaxis(terms[..., -2] + terms[..., -1], 1, 0)), axis=-1)
 
     def flat(values):
         # sizes in full: a mechanism may have no near-zero loads, and -1 has no meaning then
