@@ -24,7 +24,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._core.errors import BadInput
-from ._helmholtz import Weighted, arrays, fluid_data
+from ._helmholtz import Weighted, arrays, fluid_data, residual_terms
+from ._term_sums import TermTable
 
 GAS_CONSTANT = 8.31446261815324  # [J/(mol K)] exact since 2019
 REFERENCE = "reference equations"
@@ -64,6 +65,7 @@ class MultiFluid(NamedTuple):
         shape_v, mean_v: (m,) beta_v^2, and beta_v gamma_v times the cubic mean [m^3/mol].
         residual: rows by family of terms.
         weights: of these rows, by family.
+        term_table: of the same rows, as a compiled program sums them.
         ideal: rows by family, in 1/T [1/K] and ln(rho) [mol/m^3].
         ideal_of: (rows,) index of the component, by family.
         lead: (n, 2) constant and coefficient of 1/T.
@@ -84,6 +86,7 @@ class MultiFluid(NamedTuple):
     mean_v: np.ndarray
     residual: dict[str, np.ndarray]
     weights: dict[str, Weights]
+    term_table: TermTable
     ideal: dict[str, np.ndarray]
     ideal_of: dict[str, np.ndarray]
     lead: np.ndarray
@@ -137,12 +140,18 @@ class MultiFluid(NamedTuple):
         }
         return {"lead": (lead[0] + jnp.sum(logs), lead[1]), "log": amounts @ self.log, **tables}
 
-    def residual_at(self, x) -> dict[str, Weighted]:
-        """Rows by family, with their weights at mole fractions (n,)."""
-        return {
-            family: Weighted(table, self.weights[family].at(x))
-            for family, table in self.residual.items()
-        }
+    def residual_terms(self, x, tau, delta) -> list:
+        """Sums at mole fractions (n,), as those of a pure fluid."""
+        table = self.term_table
+        total = table.residual(tau, delta, table.coefficients(x))
+        if table.others:
+            rows = {
+                family: Weighted(self.residual[family], self.weights[family].at(x))
+                for family in table.others
+            }
+            others = residual_terms(rows, tau, delta)
+            total = [part + other for part, other in zip(total, others, strict=True)]
+        return total
 
 
 # ------------------------------------------------------------------- files
@@ -307,6 +316,7 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
         mean_v=np.array([pair.mean_v for pair in pairs]),
         residual=residual,
         weights=weights,
+        term_table=TermTable(residual, weights),
         ideal=ideal,
         ideal_of=ideal_of,
         lead=np.stack([constant, lead[:, 1] * T_r], axis=1),

@@ -18,7 +18,7 @@ from ._base import SmallSystem
 from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
 from ._dew_curve import SAMPLES, DewCurve, solve_dew_curve
 from ._expanded import evaporator
-from ._helmholtz import Saturation, ideal_terms, residual_terms
+from ._helmholtz import Saturation, ideal_terms
 from ._multi_fluid import (
     GERG,
     REFERENCE,
@@ -293,7 +293,7 @@ class Mixture(AbstractRealGas):
         a0, a0_t, a0_tt = ideal_terms(table.ideal_at(x), 1 / T, density)
         # A paper's own gas constant multiplies all of the component's ideal part, and so ln(rho) too.
         a0 = a0 + (x @ table.ratio - 1) * jnp.log(density)
-        residual = residual_terms(table.residual_at(x), T_r / T, density * v_r)
+        residual = table.residual_terms(x, T_r / T, density * v_r)
         return state_of_terms(T, rho, R, (a0, a0_t, a0_tt), residual)
 
     def transport(self, T, rho):
