@@ -27,7 +27,7 @@ _WORDS = {
     "balancing": "balancing planes",
     "journals": "a journal with an oil film",
     "valves": "valves (gas of type cylinder)",
-    "refrigerant": "a real gas",
+    "refrigerant": "a real gas that can be liquid behind the machine (with a condensing temperature)",
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
     "piping": "pipes ([gas.suction.piping] or [gas.discharge.piping])",
@@ -95,7 +95,7 @@ class Quantity(NamedTuple):
         has = {
             "compressor": compressor is not None,
             "valves": hasattr(gas, "suction_valve"),
-            "refrigerant": hasattr(getattr(gas, "fluid", None), "saturation"),
+            "refrigerant": getattr(gas, "refrigerates", False),
             "journals": _has_journals(compressor),
             "gas.walls": getattr(gas, "walls", None) is not None,
             "piping": bool(_pipings(gas)),

@@ -12,7 +12,6 @@ from ..compressor import Compressor
 from ..cylinder import Cycle, Cylinder, SuctionWarming
 from ..cylinder.interface import SeveralCycles
 from ..fluid import GasState
-from ..fluid.interface import has_dew_line
 from ._orbit import Orbit
 
 # What the power of a compressor with valves is spent on.
@@ -60,7 +59,7 @@ class Performance(Result, eqx.Module):
         yield Data("electric_power", "W", self.electric_power)
         for name in ("motor_efficiency", "overall_efficiency"):
             yield Data(name, "", getattr(self, name))
-        if self.orbit.cycle and has_dew_line(self.orbit.cycle.case.cylinder.fluid):
+        if self.orbit.cycle and self.orbit.cycle.case.cylinder.refrigerates:
             yield Data("cop", "", self.cop)
         for cause, value in self.power.items():
             yield Data(f"power_use.{cause}", "W", value)

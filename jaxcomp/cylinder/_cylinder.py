@@ -31,6 +31,8 @@ from .wall_network import WallNetwork
 
 # [K] by which a temperature may pass saturation: pressures of saturated gas are given with few digits.
 _NEAR = 0.5
+# [K] Temperature at which a machine can have gas condensed without another one.
+_ROOM = 293.15
 
 
 class Cylinder(AbstractGas):
@@ -148,6 +150,26 @@ class Cylinder(AbstractGas):
                 raise BadInput(limit.field, limit.value, f"{limit.range}, {limit.why}")
         if self.later_stages:
             _check_pressures_between(self)
+
+    @property
+    def refrigerates(self) -> bool:
+        """Whether liquid of the gas may stand behind the machine, so that its capacity means something.
+
+        It does at a rating point, and where the gas can be condensed by what surrounds a machine or cools
+        it as far as it comes: methane of 30 degC between two pressures is compressed, and no refrigerant.
+        """
+        if not has_dew_line(self.fluid):
+            return False
+        suction = self.suction
+        discharge = self.discharge
+        rating = (suction.evaporating, suction.superheat, discharge.condensing)
+        rating += (discharge.subcooling, discharge.liquid_temperature)
+        critical = self.fluid.critical_temperature
+        if any(number is not None for number in rating) or suction.temperature is None:
+            return True
+        if any(map(is_traced, (critical, suction.temperature))):
+            return True
+        return bool(min(_ROOM, np.min(suction.temperature)) < critical)
 
     def _check_reference(self) -> None:
         """Refuse dew points of a gas that has none, and mean temperatures without heat exchangers."""

@@ -15,6 +15,10 @@ from ._helmholtz import fluid_data, fluids
 from ._multi_fluid import mixture_file, pairs_of
 from ._saturation_lines import NODES, SaturationLines
 
+# Of which numbers in the files of lines are whole multiples.
+COEFFICIENT_UNIT = 1e-12
+SLOPE_UNIT = 1e-10
+
 # What gases and hydrocarbons are called elsewhere: formulas, names of analyses, numbers of ASHRAE 34.
 SYNONYMS = {
     **dict.fromkeys(("C1", "CH4", "R50"), "methane"),
@@ -165,7 +169,8 @@ def _lines(name: str, components: tuple[str, ...]) -> SaturationLines:
     row = json.loads(path.read_text())
     fractions = np.array([*blends()[name].mass_fractions.values()])
     fractions = fractions / fractions.sum()
-    coefficients, slopes = (padded(row[key]) for key in ("coefficients", "slopes"))
+    coefficients = COEFFICIENT_UNIT * padded(row["coefficients"])
+    slopes = SLOPE_UNIT * padded(row["slopes"])
     # fractions are normalised: one in proportion with all others changes nothing
     last_slope = -np.tensordot(fractions[:-1], slopes, 1) / fractions[-1]
     order = [list(blends()[name].mass_fractions).index(component) for component in components]

@@ -13,7 +13,7 @@ import numpy as np
 from fluid_data import DATA, FLUIDS, compact
 
 from jaxcomp.fluid._blends import blends as blends_of_library
-from jaxcomp.fluid._blends import usable_blends
+from jaxcomp.fluid._blends import COEFFICIENT_UNIT, SLOPE_UNIT, usable_blends
 from jaxcomp.fluid._multi_fluid import REFERENCE
 from jaxcomp.fluid._saturation_lines import solve_lines
 from jaxcomp.fluid.interface import fluid_data
@@ -200,13 +200,13 @@ def blends() -> dict[str, dict]:
 
 
 # ------------------------------------------------------------------- lines
-def digits(values, places: int) -> list:
-    """Numbers of a series with so many places, without the zeros at its end."""
-    rounded = np.round(values, places)
-    if rounded.ndim > 1:
-        return [digits(row, places) for row in rounded]
-    last = np.flatnonzero(rounded)
-    return rounded[: last[-1] + 1 if last.size else 0].tolist()
+def digits(values, unit: float) -> list:
+    """Numbers of a series as whole multiples of a unit, without the zeros at its end."""
+    multiples = np.rint(values / unit).astype(int)
+    if multiples.ndim > 1:
+        return [digits(row, unit) for row in values]
+    last = np.flatnonzero(multiples)
+    return multiples[: last[-1] + 1 if last.size else 0].tolist()
 
 
 def saturation_lines(name: str) -> dict | None:
@@ -223,9 +223,10 @@ def saturation_lines(name: str) -> dict | None:
     return {
         "ends": np.asarray(lines.ends).tolist(),
         "critical": round(float(lines.critical), 4),
-        # to 1e-11 of a pressure or density; slopes to 1e-7
-        "coefficients": digits(np.asarray(lines.coefficients), 12),
-        "slopes": digits(np.asarray(lines.slopes[:-1]), 8),
+        # A pressure or density to 1e-11. Slopes to 1e-9: with 1e-7 the slope of a compressor's flow, in
+        # which those of pressure and density nearly cancel, was off by 5e-6 of itself.
+        "coefficients": digits(np.asarray(lines.coefficients), COEFFICIENT_UNIT),
+        "slopes": digits(np.asarray(lines.slopes[:-1]), SLOPE_UNIT),
     }
 
 
