@@ -211,6 +211,12 @@ MIXTURE_MISTAKES = {
         *("discharge.condensing", "85 degC", "end of the dew line", "give pressures"),
         kind="blend",
     ),
+    "superheat of a blend above its critical pressure": _file(
+        'evaporating = "-10 degC"',
+        'pressure = "60 bar"',
+        *("gas.suction.pressure", "60 bar", "critical pressure of R32/R1234yf", "no superheat"),
+        kind="blend",
+    ),
     "suction of a blend below its dew point": _file(
         'superheat = "10 K"',
         'temperature = "-28 degC"',

@@ -17,7 +17,12 @@ import pytest
 from jaxcomp._core.errors import BadInput
 from jaxcomp.fluid import Mixture, RealGas, fluids
 from jaxcomp.fluid._multi_fluid import GERG, REFERENCE, multi_fluid
-from jaxcomp.fluid._saturation_lines import SaturationLines
+from jaxcomp.fluid._saturation_lines import (
+    DEW_PRESSURE,
+    SaturationLines,
+    curve,
+    solve_lines,
+)
 from jaxcomp.fluid.interface import blends, fluid_named, usable_blends
 
 GOLDEN = json.loads(Path(__file__).with_name("mixture_golden.json").read_text())
@@ -132,6 +137,23 @@ def test_lines_agree_with_the_stored_values(mixtures, name):
     saturation = eqx.filter_jit(eqx.filter_vmap(lambda T: fluid.saturation(T=T)))(jnp.asarray(T))
     np.testing.assert_allclose(saturation.vapour, vapour, rtol=1e-8)
     np.testing.assert_allclose(saturation.liquid, liquid, rtol=1e-8)
+
+
+def test_slopes_of_stored_lines_are_those_of_solved_ones():
+    """With eight digits, as they once were stored, the slope of a dew pressure was off by 4e-8."""
+    stored = Mixture(name="R454B")
+    w = np.asarray(stored.mass_fractions)
+    lines = solve_lines(stored.components or (), w, REFERENCE)
+    assert lines is not None
+    assert stored.lines is not None
+    exchange = np.array([1.0, -1.0])
+    for T in (243.15, 263.15, 318.15):
+        slopes = []
+        for solution in (stored.lines, lines):
+            series = np.tensordot(exchange, np.asarray(solution.slopes), 1)[:, DEW_PRESSURE]
+            value, _ = curve(series, np.asarray(solution.ends), np.asarray(T), np)
+            slopes.append(float(value))
+        np.testing.assert_allclose(*slopes, rtol=3e-9)
 
 
 @pytest.mark.parametrize("name", GOLDEN)

@@ -10,6 +10,7 @@ from jaxcomp.fluid import Mixture
 from jaxcomp.scene import SceneError, start, with_values
 from jaxcomp.scene.follows import follows
 from jaxcomp.study._steady_state import _remarks_on_range
+from jaxcomp.study.interface import crank_quantities
 
 # Blends of R32, and pure gases that a process compressor moves.
 BLEND = "R454C"
@@ -33,6 +34,30 @@ def test_compressibility_and_head_of_a_process_gas():
     expected = 3e6 / (16.1758215 * float(gas.specific_gas_constant) * 303.15)
     np.testing.assert_allclose(found["Compressibility at the suction valve"], expected, rtol=1e-8)
     assert not any("Glide" in name for name in found)
+
+
+def quantities_of(values) -> set[str]:
+    machine = with_values(load("r290-6cc"), values).machine
+    return {quantity.name for quantity in crank_quantities(machine)}
+
+
+def test_gas_that_no_machine_condenses_has_no_capacity():
+    """Methane of 30 degC between two pressures is compressed; at -110 degC it may be a refrigerant."""
+    lines = {"gas.suction": {"pressure": "2 bar", "temperature": "30 degC"}}
+    lines |= {"gas.discharge": {"pressure": "5 bar"}}
+    methane = {"gas.fluid": {"type": "real_gas", "name": "methane"}}
+    natural_gas = {"type": "mixture", "mole_fractions": {"methane": 0.9, "hydrogen": 0.1}}
+    for fluid in (methane, {"gas.fluid": natural_gas}):
+        names = quantities_of(fluid | lines)
+        assert "mass_flow" in names
+        assert not names & {"capacity", "cop"}
+    cold = {"gas.suction": {"pressure": "2 bar", "temperature": "-110 degC"}}
+    assert {"capacity", "cop"} <= quantities_of(methane | lines | cold)
+    assert {"capacity", "cop"} <= quantities_of({"gas.fluid.name": "R454C"})
+    carbon_dioxide = {"gas.fluid": {"type": "real_gas", "name": "R744"}}
+    pressures = {"gas.suction": {"pressure": "20 bar", "temperature": "40 degC"}}
+    pressures |= {"gas.discharge": {"pressure": "60 bar"}}
+    assert {"capacity", "cop"} <= quantities_of(carbon_dioxide | pressures)
 
 
 def test_dew_points_of_a_gas_that_has_none_are_refused():

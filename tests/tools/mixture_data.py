@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from fluid_data import DATA, FLUIDS, compact
 
-from jaxcomp.fluid._blends import blends as blends_of_library
 from jaxcomp.fluid._blends import COEFFICIENT_UNIT, SLOPE_UNIT, usable_blends
+from jaxcomp.fluid._blends import blends as blends_of_library
 from jaxcomp.fluid._multi_fluid import REFERENCE
 from jaxcomp.fluid._saturation_lines import solve_lines
 from jaxcomp.fluid.interface import fluid_data
