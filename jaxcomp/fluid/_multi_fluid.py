@@ -144,13 +144,13 @@ class MultiFluid(NamedTuple):
         """Sums at mole fractions (n,), as those of a pure fluid."""
         table = self.term_table
         total = table.residual(tau, delta, table.coefficients(x))
-        if table.others:
+        if table.inseparable:
             rows = {
                 family: Weighted(self.residual[family], self.weights[family].at(x))
-                for family in table.others
+                for family in table.inseparable
             }
-            others = residual_terms(rows, tau, delta)
-            total = [part + other for part, other in zip(total, others, strict=True)]
+            row_sums = residual_terms(rows, tau, delta)
+            total = [part + row_sum for part, row_sum in zip(total, row_sums, strict=True)]
         return total
 
 

@@ -25,7 +25,7 @@ from jax.custom_derivatives import SymbolicZero
 from numpy.typing import NDArray
 
 # Families of rows whose terms have no such factors; `_helmholtz` sums them.
-_OTHER_FAMILIES = ("gao", "non_analytic")
+_INSEPARABLE = ("gao", "non_analytic")
 
 
 class _Exponents(NamedTuple):
@@ -53,20 +53,20 @@ class TermTable:
         exponents: (terms,) each.
         mixing: (terms, groups) from the weights of components and pairs to the coefficients.
         first, second: (groups,) components of each weight; one behind the last where there is no pair.
-        others: families of rows that are summed elsewhere.
+        inseparable: families of rows that are summed elsewhere.
     """
 
     def __init__(self, tables: Mapping[str, NDArray], weights: Mapping):
         groups: dict[tuple[int, int], int] = {}
         terms: dict[_Exponents, dict[int, float]] = {}
         for family, rows in tables.items():
-            if family in _OTHER_FAMILIES:
+            if family in _INSEPARABLE:
                 continue
             for row, first, second, factor in zip(rows, *weights[family], strict=True):
                 group = groups.setdefault((int(first), int(second)), len(groups))
                 shares = terms.setdefault(_exponents_of(family, row), {})
                 shares[group] = shares.get(group, 0.0) + float(factor * row[0])
-        self.others = tuple(family for family in tables if family in _OTHER_FAMILIES)
+        self.inseparable = tuple(family for family in tables if family in _INSEPARABLE)
         self.first, self.second = np.array(list(groups), int).reshape(-1, 2).T
         self.exponents = _Exponents(*np.array(list(terms), float).T)
         self.mixing = np.zeros((len(terms), len(groups)))
