@@ -10,71 +10,81 @@ $S = G_c + G_q\,(q_c + q_z z_c)$ of the size of c. Every step is two solutions w
 without pipes.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from .._core.extremes import max_of, maximum, minimum
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._collocation import (
-    FAST,
-    LOST,
-    MOST_WITH_ONE,
-    Branches,
+    AbstractEquations,
+    Blocks,
     Factors,
-    Residual,
     assemble,
-    branches_of,
-    factorise,
+    condense,
     keeps_within,
     residual,
     solve_factors,
     solve_stages,
 )
 from ._panels import Mesh, Unknowns, at_points
-from ._system import Cylinders
-from ._waves import Line, Observed, Quadrature, SideWaves, Waves, lines_of, quadrature
+from ._quadrature import Quadrature, quadrature
+from ._system import Cylinders, FlangeJacobian
+from ._waves import Line, Observed, SideWaves, Waves, lines_of
 
+# [-] How far a valve may pass seat or stop between nodes, in parts of the highest two terms of its lift:
+# beyond 64 harmonics of the pressure a panel does not resolve it to 1e-9, and a valve that leaves its
+# stop slowly seemed to pass it by 4e-7 on panels whose work and flow were right to 3e-6.
+_OF_LAST_TERMS = 1.0
 # [-] of the line's pressure: how far a step of the waves is followed where the valves' sequence changes.
-_LARGEST_STEP = 0.05
+_LARGEST_STEP = 0.1
 
 
-class Slopes(NamedTuple):
-    """Derivatives of what the panels see of the flanges, and show them.
+class Flows(NamedTuple):
+    """Slopes of the harmonics of the flows in the panels.
 
     Attributes:
-        state: (p, s + 1, n, k) of the rates in the pressures.
-        event: (p, k) of the event function at the end of each panel in them.
-        observed: (p, s, o) flows through the flanges.
-        by_state: (p, s, o, n) of these.
+        by_state: (p, s, o, n) of the flows at the nodes.
         by_angle: (p, s, o)
-        by_pressure: (p, s, o, k)
-        basis: (p, s + 1, k, c) pressures for each harmonic of each flange.
-        weights: of the flows in their harmonics.
+        weights: (p, s, h) of these in their harmonics.
+        by_left, by_right: (p, o, h) of the harmonics in the edges of each panel.
     """
 
-    state: Float[Array, "p m n k"]
-    event: Float[Array, "p k"]
-    observed: Float[Array, "p s o"]
     by_state: Float[Array, "p s o n"]
     by_angle: Float[Array, "p s o"]
-    by_pressure: Float[Array, "p s o k"]
-    basis: Float[Array, "p m k c"]
-    weights: Quadrature
+    weights: Float[Array, "p s h"]
+    by_left: Float[Array, "p o h"]
+    by_right: Float[Array, "p o h"]
+
+
+class Columns(NamedTuple):
+    """Answer of the panels to pressures at their nodes, and all round the revolution to each harmonic.
+
+    Attributes:
+        basis: (p, s, k, c) pressures at the nodes for each harmonic of each flange.
+        nodes: (p, s n, s k) of the nodes for the pressures at them, the panel's inputs held.
+        ends: (p, n, s k) of its end.
+        inputs: (p, n + 2, c) of the inputs of all panels for each harmonic.
+    """
+
+    basis: Float[Array, "p s k c"]
+    nodes: Float[Array, "p m q"]
+    ends: Float[Array, "p n q"]
+    inputs: Float[Array, "p i c"]
 
 
 class Bordered(NamedTuple):
     """The linearised equations, condensed."""
 
     factors: Factors
-    slopes: Slopes
-    widths: Float[Array, " p"]
+    flows: Flows
+    columns: Columns
     by_flow: Float[Array, "b o h"]  # of G in the harmonics of the flows
     border: tuple[Array, Array]  # factors of S
 
@@ -97,20 +107,45 @@ def harmonic_weights(system: Cylinders, z: Unknowns) -> Quadrature:
     return quadrature(system.first, system.phase[0], z.edges, nodes, system.orders)
 
 
-def answers(lines: tuple[Line | None, Line | None], waves: Waves, flows) -> Waves:
-    """Waves that the networks make of the flows."""
-    return _per_side(lambda line, side, flow: line.answer(side, flow), lines, waves, flows)
+def fixed_responses(system: Cylinders, waves: Waves) -> tuple:
+    """Responses of the networks that do not change with their waves; `None` of others."""
+    return _per_side(
+        lambda line, side: line.responses(side) if line.is_fixed else None,
+        lines_of(system.shared),
+        waves,
+    )
 
 
-def _per_side(function, lines, waves: Waves, flows) -> Waves:
-    sides = []
+def answers(lines: tuple[Line | None, Line | None], waves: Waves, flows, responses=None) -> Waves:
+    """Waves that the networks make of the flows.
+
+    Args:
+        lines: the networks.
+        waves: their gas, friction and orifices.
+        flows: through the flanges of each network.
+        responses: of networks that are known.
+    """
     flows = iter(flows)
-    for line, side in zip(lines, waves, strict=True):
-        sides.append(None if line is None else function(line, side, next(flows)))
-    return sides[0], sides[1]
+
+    def answer(line, side, response):
+        if response is None:
+            response = line.responses(side)
+        return line.answer_of(response, side, next(flows))
+
+    return _per_side(answer, lines, waves, responses or (None, None))
 
 
-def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> tuple[Both, Array]:
+def _per_side(function, lines, *parts) -> tuple:
+    """Values of a function of each line that is a network, and its parts."""
+    sides = []
+    for line, *of_line in zip(lines, *parts, strict=True):
+        sides.append(None if line is None else function(line, *of_line))
+    return tuple(sides)
+
+
+def evaluate(
+    system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves, responses=None
+) -> tuple[Both, Array]:
     """Residuals of panels and waves, and the event functions."""
     system = system.with_waves(waves)
 
@@ -121,38 +156,41 @@ def evaluate(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> tuple[
     slopes, events, observed = at_points(law, mesh, z)
     panels = residual(system, mesh, z, slopes, events)
     flows = observed_harmonics(system, observed[:, :-1], harmonic_weights(system, z))
-    answer = answers(lines_of(system.shared), waves, flows)
+    answer = answers(lines_of(system.shared), waves, flows, responses)
     return Both(panels, jax.tree.map(jnp.subtract, waves, answer)), events
 
 
-def linearise(system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves) -> Bordered:
-    """The linearised equations of panels and waves, condensed."""
+def linearise(
+    system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves, responses=None
+) -> tuple[Both, Bordered]:
+    """Residuals of panels and waves, and their linearised equations, condensed."""
     system = system.with_waves(waves)
     parts = at_points(system.jacobian_at_flanges, mesh, z)
-    _, blocks, _ = assemble(system, mesh, z, *parts.panels)
+    panels, blocks, _ = assemble(system, mesh, z, *parts.panels)
     weights = harmonic_weights(system, z)
     which = maximum(mesh.event, 0)[:, None, None]
     event = jnp.take_along_axis(parts.events_by_pressure[:, -1], which, axis=1)[:, 0]
-    slopes = Slopes(
-        state=parts.state_by_pressure,
-        event=jnp.where(blocks.has_event[:, None], event, 0.0),
-        observed=parts.observed[:, :-1],
+    event = jnp.where(blocks.has_event[:, None], event, 0.0)
+    factors, *pushed = _condensed(blocks, parts, jnp.diff(z.edges))
+    observed = parts.observed[:, :-1]
+    flows = Flows(
         by_state=parts.observed_by_state[:, :-1],
         by_angle=parts.observed_by_angle[:, :-1],
-        by_pressure=parts.observed_by_pressure[:, :-1],
-        basis=parts.basis,
-        weights=weights,
+        weights=weights.nodes,
+        by_left=jnp.einsum("pjo,pjh->poh", observed, weights.to_left),
+        by_right=jnp.einsum("pjo,pjh->poh", observed, weights.to_right),
     )
-    factors = factorise(blocks)
-    width = jnp.diff(z.edges)
-    flows = jnp.einsum("pjo,pjh->oh", slopes.observed, weights.nodes)
-    by_flow, by_waves = _border_slopes(system, waves, flows)
-    columns = _columns(system, factors, slopes, width)
-    count = slopes.basis.shape[-1]
-    through = jnp.einsum("boh,ohc->bc", by_flow, columns)
-    matrix = by_waves.at[:, :count].add(through)
+    columns = _columns(factors, *pushed, parts.basis, event)
+    harmonics = jnp.einsum("pjo,pjh->oh", observed, weights.nodes)
+    answer = answers(lines_of(system.shared), waves, system.of_sides(harmonics), responses)
+    remainder = Both(panels, jax.tree.map(jnp.subtract, waves, answer))
+    by_flow, by_waves = _border_slopes(system, waves, harmonics, responses)
+    by_pressure = parts.observed_by_pressure[:, :-1]
+    followed = _harmonic_columns(factors, flows, by_pressure, columns)
+    through = jnp.einsum("boh,ohc->bc", by_flow, followed)
+    matrix = by_waves.at[:, : through.shape[1]].add(through)
     lu, _, order = lax.linalg.lu(matrix)
-    return Bordered(factors, slopes, width, by_flow, (lu, order))
+    return remainder, Bordered(factors, flows, columns, by_flow, (lu, order))
 
 
 def _packed(waves: Waves):
@@ -176,15 +214,16 @@ def _packed(waves: Waves):
     return vector, unpacked
 
 
-def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"]):
+def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"], fixed=None):
     """Derivatives of G in the flows (b, o, h) and in the waves (b, b)."""
     lines = lines_of(system.shared)
     vector, unpacked = _packed(waves)
     pressures = sum(side.pressure.size for side in waves if side is not None)
-    responses = tuple(
-        None if line is None else line.responses(side)
-        for line, side in zip(lines, waves, strict=True)
-    )
+
+    def response(line, side, response):
+        return line.responses(side) if response is None else response
+
+    responses = _per_side(response, lines, waves, fixed or (None, None))
 
     def with_responses(waves, flows):
         parts = []
@@ -209,8 +248,8 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"]):
 
     if drops:
         # the responses do not depend on the drops, and are not solved for each of them
-        fixed = jax.jacfwd(lambda x: moved(lambda w: with_responses(w, flows), x))
-        by_waves = by_waves.at[:, pressures:].add(-fixed(vector[pressures:]))
+        by_drops = jax.jacfwd(lambda x: moved(lambda w: with_responses(w, flows), x))
+        by_waves = by_waves.at[:, pressures:].add(-by_drops(vector[pressures:]))
     places = _places_of_few(waves)
     if places.size:
 
@@ -239,48 +278,85 @@ def _places_of_few(waves: Waves) -> np.ndarray:
     return np.array(places, int)
 
 
-def _columns(system: Cylinders, factors: Factors, slopes: Slopes, width) -> Float[Array, "o h c"]:
-    """Harmonics of the flows for each harmonic of the pressures, with the panels as they answer."""
-    panels, s, _, n = slopes.by_state.shape
-    k = slopes.event.shape[-1]
+def _condensed(blocks: Blocks, parts: FlangeJacobian, width) -> tuple[Factors, Array, Array]:
+    """Panels condensed, and what their nodes (p, s n, s k) and ends (p, n, s k) do for the pressures."""
+    panels, points, n, k = parts.state_by_pressure.shape
+    s = points - 1
     rule = gauss(s)
-    basis = slopes.basis[:, :s].reshape(panels, s * k, -1)
-    basis_at_ends = slopes.basis[:, s]
-    integral = jnp.asarray(rule.integral)
-    pushed_nodes = jnp.einsum("p,ij,pjnk->pinjk", width, integral, slopes.state[:, :s])
-    pushed_nodes = pushed_nodes.reshape(panels, s * n, s * k)
-    ends = jnp.einsum("p,j,pjnk->pnjk", width, jnp.asarray(rule.weights), slopes.state[:, :s])
-    nodes = solve_stages(factors.stages, pushed_nodes)
-    own_nodes = nodes @ basis
-    own_ends = (factors.out @ nodes + ends.reshape(panels, n, s * k)) @ basis
-    pushed = jnp.einsum("pk,pkc->pc", slopes.event, basis_at_ends)
-    pulled = jnp.einsum("pn,pnc->pc", factors.gradient, own_ends)
-    own_edge = -factors.share[:, None] * (pushed + pulled)
-    own_end = own_ends + factors.by_edge[:, :, None] * own_edge[:, None]
-    panel_ends = jnp.concatenate([factors.jump @ own_end, own_edge[:, None]], axis=1)
-    after = _around(factors.maps, panel_ends)
-    states = jnp.roll(after, 1, axis=0).at[0, n].set(0.0)
-    edges = jnp.concatenate([states[:, n], jnp.zeros((1, panel_ends.shape[-1]))])
-    inputs = jnp.concatenate([states, edges[1:, None]], axis=1)
-    points = factors.nodes @ inputs + own_nodes
-    points = points.reshape(panels, s, n, -1)
-    observed = jnp.einsum("pjon,pjnc->pjoc", slopes.by_state, points)
-    observed += jnp.einsum("pjok,pjkc->pjoc", slopes.by_pressure, slopes.basis[:, :s])
-    return _moved_harmonics(slopes, observed, edges)
+    by_pressure = parts.state_by_pressure[:, :s]
+    pushed = jnp.einsum("p,ij,pjnk->pinjk", width, jnp.asarray(rule.integral), by_pressure)
+    pushed = pushed.reshape(panels, s * n, s * k)
+    lu, _, order = lax.linalg.lu(blocks.stages)
+    # inputs and pressures at once: BLAS is asked once
+    solved = solve_stages((lu, order), jnp.concatenate([blocks.inputs, pushed], axis=2))
+    factors = condense(blocks, (lu, order), solved[..., : n + 2])
+    nodes = solved[..., n + 2 :]
+    pushed = jnp.einsum("p,j,pjnk->pnjk", width, jnp.asarray(rule.weights), by_pressure)
+    return factors, nodes, blocks.out @ nodes + pushed.reshape(panels, n, s * k)
 
 
-def _moved_harmonics(slopes: Slopes, observed, edges):
-    """Change of the harmonics (o, h, c) with flows at the nodes (p, s, o, c) and edges (p + 1, c)."""
-    s = observed.shape[1]
+def _columns(factors: Factors, nodes, ends, basis, event) -> Columns:
+    """Answer of the panels to the pressures at the flanges.
+
+    Args:
+        factors: of the panels.
+        nodes, ends: of `_condensed`.
+        basis: (p, s + 1, k, c) pressures at all points for each harmonic.
+        event: (p, k) of the event function at the end of each panel in the pressures.
+    """
+    panels, points, k, _ = basis.shape
+    n = ends.shape[1]
+    # few pressures of a panel, those at its end behind those at its nodes, before they are multiplied
+    # with the harmonics
+    pulled = jnp.einsum("pn,pnq->pq", factors.gradient, ends)
+    edge = -factors.share[:, None] * jnp.concatenate([pulled, event], axis=1)
+    end = jnp.concatenate([ends, jnp.zeros((panels, n, k))], axis=2)
+    end = end + factors.by_edge[:, :, None] * edge[:, None]
+    answer = jnp.concatenate([factors.jump @ end, edge[:, None]], axis=1)
+    panel_ends = answer @ basis.reshape(panels, points * k, -1)
+    before = jnp.roll(_around(factors.maps, panel_ends), 1, axis=0).at[0, n].set(0.0)
+    following = jnp.roll(before[:, n], -1, axis=0)
+    inputs = jnp.concatenate([before, following[:, None]], axis=1)
+    return Columns(basis[:, :-1], nodes, ends, inputs)
+
+
+def _harmonic_columns(factors: Factors, flows: Flows, by_pressure, columns: Columns):
+    """Harmonics of the flows (o, h, c) for each harmonic of the pressures, as the panels answer.
+
+    Few rows of flows are put together before they are multiplied with the columns.
+    """
+    panels, s, o, n = flows.by_state.shape
+    k = by_pressure.shape[-1]
+    of_inputs = flows.by_state @ factors.nodes.reshape(panels, s, n, n + 2)
+    places = jnp.asarray(gauss(s).nodes)[:, None]
+    of_inputs = of_inputs.at[..., n].add(flows.by_angle * (1 - places))
+    of_inputs = of_inputs.at[..., n + 1].add(flows.by_angle * places)
+    of_nodes = flows.by_state @ columns.nodes.reshape(panels, s, n, s * k)
+    node = np.arange(s)
+    of_nodes = (
+        of_nodes.reshape(panels, s, o, s, k).at[:, node, :, node].add(by_pressure.swapaxes(0, 1))
+    )
+    rows = jnp.concatenate([of_inputs, of_nodes.reshape(panels, s, o, s * k)], axis=3)
+    basis = columns.basis.reshape(panels, s * k, -1)
+    answers = jnp.concatenate([columns.inputs, basis], axis=1)
+    observed = rows.reshape(panels, s * o, -1) @ answers
+    moved = jnp.einsum("pjoc,pjh->ohc", observed.reshape(panels, s, o, -1), flows.weights)
+    moved += jnp.einsum("poh,pc->ohc", flows.by_left, columns.inputs[:, n])
+    return moved + jnp.einsum("poh,pc->ohc", flows.by_right, columns.inputs[:, n + 1])
+
+
+def _harmonics_of_panels(flows: Flows, change: Unknowns) -> Float[Array, "o h"]:
+    """Change of the harmonics of the flows with the panels."""
+    s = flows.by_state.shape[1]
     places = gauss(s).nodes
-    angle = edges[:-1, None] * (1 - places)[:, None] + edges[1:, None] * places[:, None]
-    observed = observed + slopes.by_angle[..., None] * angle[:, :, None]
-    weights = slopes.weights
-    of_left = jnp.einsum("pjo,pjh->poh", slopes.observed, weights.to_left)
-    of_right = jnp.einsum("pjo,pjh->poh", slopes.observed, weights.to_right)
-    moved = jnp.einsum("pjoc,pjh->ohc", observed, weights.nodes)
-    moved += jnp.einsum("poh,pc->ohc", of_left, edges[:-1])
-    return moved + jnp.einsum("poh,pc->ohc", of_right, edges[1:])
+    begin = change.edges[:-1]
+    end = change.edges[1:]
+    angle = begin[:, None] * (1 - places) + end[:, None] * places
+    observed = jnp.einsum("pjon,pjn->pjo", flows.by_state, change.points[:, :s])
+    observed += flows.by_angle * angle[..., None]
+    moved = jnp.einsum("pjo,pjh->oh", observed, flows.weights)
+    moved += jnp.einsum("poh,p->oh", flows.by_left, begin)
+    return moved + jnp.einsum("poh,p->oh", flows.by_right, end)
 
 
 def _around(
@@ -296,7 +372,9 @@ def _around(
 
     start = jnp.eye(size, size + panel_ends.shape[-1])
     revolution, _ = lax.scan(pass_panel, start, (maps, panel_ends))
-    first = jnp.linalg.solve(jnp.eye(size) - revolution[:, :size], revolution[:, size:])
+    # BLAS would share out the solution for many columns among threads, which wait for each other
+    inverse = jnp.linalg.inv(jnp.eye(size) - revolution[:, :size])
+    first = inverse @ revolution[:, size:]
 
     def follow(before, panel):
         matrix, columns = panel
@@ -310,106 +388,65 @@ def solve_bordered(linear: Bordered, right_hand_side: Both) -> Both:
     """Solve the linearised equations; linear in `right_hand_side`."""
     vector, unpacked = _packed(right_hand_side.waves)
     alone = solve_factors(linear.factors, right_hand_side.panels)
-    slopes = linear.slopes
-    s = slopes.observed.shape[1]
-    observed = jnp.einsum("pjon,pjn->pjo", slopes.by_state, alone.points[:, :s])
-    flows = _moved_harmonics(slopes, observed[..., None], alone.edges[:, None])[..., 0]
+    flows = _harmonics_of_panels(linear.flows, alone)
     right = vector - jnp.einsum("boh,oh->b", linear.by_flow, flows)
     lu, order = linear.border
     half = lax.linalg.triangular_solve(
         lu, right[order][:, None], left_side=True, lower=True, unit_diagonal=True
     )
     waves = lax.linalg.triangular_solve(lu, half, left_side=True, lower=False)[:, 0]
-    pressures = slopes.basis @ waves[: slopes.basis.shape[-1]]
-    rule = gauss(s)
-    integral = jnp.asarray(np.vstack([rule.integral, rule.weights]))
-    pushed = jnp.einsum("pjnk,pjk->pjn", slopes.state[:, :s], pressures[:, :s])
-    points = jnp.einsum("p,ij,pjn->pin", linear.widths, integral, pushed)
-    events = jnp.einsum("pk,pk->p", slopes.event, pressures[:, s])
-    panels = Residual(
-        right_hand_side.panels.points + points,
-        right_hand_side.panels.ends,
-        right_hand_side.panels.events - events,
+    columns = linear.columns
+    basis = columns.basis
+    n = linear.factors.jump.shape[-1]
+    pressures = (basis @ waves[: basis.shape[-1]]).reshape(basis.shape[0], -1)
+    inputs = columns.inputs @ waves[: basis.shape[-1]]
+    by_inputs = jnp.concatenate([linear.factors.nodes, linear.factors.ends], axis=1)
+    by_pressures = jnp.concatenate([columns.nodes, columns.ends], axis=1)
+    points = jnp.einsum("pmi,pi->pm", by_inputs, inputs)
+    points += jnp.einsum("pmq,pq->pm", by_pressures, pressures)
+    panels = Unknowns(
+        alone.points + points.reshape(alone.points.shape),
+        alone.left + inputs[:, :n],
+        alone.edges + jnp.append(inputs[:, n], 0.0),
     )
-    return Both(solve_factors(linear.factors, panels), unpacked(waves))
+    return Both(panels, unpacked(waves))
 
 
-class BorderReport(NamedTuple):
-    """Report on the end of Newton's method."""
+class BorderEquations(AbstractEquations):
+    """The equations of a cycle behind pipes.
 
-    size: Float[Array, ""]  # [-] of the last step
-    steps: Int[Array, ""]  # with a Jacobian of their own
-    holds: Bool[Array, ""]  # whether all branches hold
-    first: Waves  # change of the waves in the first step
-    # [rad] where a branch is left most, infinite where they hold at all nodes
-    left_at: Float[Array, ""]
+    Attributes:
+        responses: of networks that do not change with their waves.
+    """
 
+    # A first step by more than a stop of a valve does not come back, or to other branches: its waves are
+    # followed as far as is safe, and the next march meets them.
+    lost: ClassVar[float] = 1.0
 
-def newton(system: Cylinders, mesh: Mesh, start: Both, tolerance, max_steps: int):
-    """The periodic cycle with its waves near a start, with its report."""
+    system: Cylinders
+    mesh: Mesh
+    responses: Any
 
-    def falling(size, previous_size, steps):
-        going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * previous_size))
-        return going & (size < LOST) & (steps < max_steps)
+    def linearise(self, unknowns):
+        return linearise(self.system, self.mesh, *unknowns, self.responses)
 
-    def going_on(carry):
-        _, size, previous_size, steps, _, _ = carry
-        return falling(size, previous_size, steps) & mesh.fits
+    def evaluate(self, unknowns):
+        return evaluate(self.system, self.mesh, *unknowns, self.responses)
 
-    counts = jnp.ones(start.panels.left.shape[1]).at[system.columns(4, 7)].set(0.0)
+    def solve(self, linear, right_hand_side):
+        return solve_bordered(linear, right_hand_side)
 
-    def size_of(step: Both):
-        parts = [max_of(jnp.abs(step.panels.points * counts))]
-        parts.append(max_of(jnp.abs(step.panels.edges)))
-        parts += [max_of(jnp.abs(leaf)) for leaf in jax.tree.leaves(step.waves) if leaf.size]
-        size = max_of(jnp.stack(parts))
-        return jnp.where(jnp.isfinite(size), size, 2 * LOST)
+    def panels(self, unknowns):
+        return unknowns.panels
 
-    def advance(carry):
-        unknowns, _, _, steps, first, _ = carry
-        remainder, _ = evaluate(system, mesh, *unknowns)
-        linear = linearise(system, mesh, *unknowns)
+    def waves(self, unknowns):
+        return unknowns.waves
 
-        def fast(carry):
-            _, _, size, previous_size, count, _, _ = carry
-            shrinks_fast = (
-                (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
-            )
-            return shrinks_fast | (count == 0)
-
-        def step(carry):
-            unknowns, remainder, previous_size, _, count, moved, _ = carry
-            step = solve_bordered(linear, jax.tree.map(jnp.negative, remainder))
-            size = size_of(step)
-            unknowns = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), unknowns, step)
-            remainder, events = evaluate(system, mesh, *unknowns)
-            moved = jax.tree.map(lambda a, b: jnp.where(count == 0, a, b), step.waves, moved)
-            return (
-                unknowns,
-                remainder,
-                size,
-                previous_size,
-                count + 1,
-                moved,
-                branches_of(unknowns.panels, events),
-            )
-
-        endless = jnp.asarray(jnp.inf)
-        begin = (unknowns, remainder, endless, endless, none, first, unknown)
-        unknowns, _, size, before, _, moved, branches = lax.while_loop(fast, step, begin)
-        first = jax.tree.map(lambda a, b: jnp.where(steps == 0, a, b), moved, first)
-        return unknowns, size, before, steps + 1, first, branches
-
-    none = jnp.zeros((), int)
-    no_change = jax.tree.map(jnp.zeros_like, start.waves)
-    unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
-    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, no_change, unknown)
-    unknowns, size, _, steps, first, branches = lax.while_loop(going_on, advance, begin)
-    holds = branches.hold & keeps_within(system, mesh, unknowns.panels)
-    return unknowns, BorderReport(size, steps, holds, first, branches.left_at)
+    def keeps_within(self, unknowns):
+        return keeps_within(self.system, self.mesh, unknowns.panels, _OF_LAST_TERMS)
 
 
-def limited(system: Cylinders, before: Waves, change: Waves) -> Waves:
+def limited(before: Waves, change: Waves) -> Waves:
     """Waves after a change, of which so much is followed as stays within 5 % of the line's pressure."""
     largest = jnp.zeros(())
     for side in change:
@@ -438,7 +475,7 @@ class AttachedWaves(AbstractRoot):
         return remainder.panels, _packed(remainder.waves)[0]
 
     def newton_correction(self, unknowns, residual):
-        linear = linearise(self.system, self.mesh, *unknowns)
+        _, linear = linearise(self.system, self.mesh, *unknowns)
         panels, waves = jax.tree.map(jnp.negative, residual)
         _, unpacked = _packed(unknowns.waves)
         return solve_bordered(linear, Both(panels, unpacked(waves)))

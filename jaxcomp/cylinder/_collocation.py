@@ -8,8 +8,10 @@ program serves all designs. Newton's method condenses every panel to its ends an
 revolution. Derivatives of any order follow from the implicit function theorem with the same blocks.
 """
 
-from typing import NamedTuple
+from abc import abstractmethod
+from typing import Any, ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,7 +23,7 @@ from .._core.extremes import max_of, maximum, min_of
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._balance import FLAGS, FREE
-from ._panels import Mesh, Unknowns, at_points, highest
+from ._panels import Mesh, Unknowns, at_points, highest, last_terms
 from ._system import Cylinders
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
@@ -161,9 +163,19 @@ def solve_stages(stages: tuple[Array, Array], right_side):
 
 def factorise(blocks: Blocks) -> Factors:
     """Condense every panel to its ends."""
-    n = blocks.jump.shape[-1]
     factors, _, order = lax.linalg.lu(blocks.stages)
-    nodes = solve_stages((factors, order), blocks.inputs)
+    return condense(blocks, (factors, order), solve_stages((factors, order), blocks.inputs))
+
+
+def condense(blocks: Blocks, stages: tuple[Array, Array], nodes: Float[Array, "p m i"]) -> Factors:
+    """Condense every panel to its ends, with the equations of its nodes solved.
+
+    Args:
+        blocks: of all panels.
+        stages: factors and permutation of the nodes' equations.
+        nodes: what these owe to the inputs.
+    """
+    n = blocks.jump.shape[-1]
     ends = blocks.out @ nodes + blocks.direct
 
     # the edge at the end follows its event, and is no input any more
@@ -176,9 +188,7 @@ def factorise(blocks: Blocks) -> Factors:
     maps = jnp.concatenate([blocks.jump @ end, edge[:, None]], axis=1)
     # the angle at which the revolution begins does not move
     maps = maps.at[0, :, n].set(0.0)
-    return Factors(
-        (factors, order), nodes, ends, gradient, share, by_edge, blocks.out, blocks.jump, maps
-    )
+    return Factors(stages, nodes, ends, gradient, share, by_edge, blocks.out, blocks.jump, maps)
 
 
 def _product(a, b):
@@ -250,57 +260,132 @@ class NewtonReport(NamedTuple):
     holds: Bool[Array, ""]  # whether all branches hold
     # [rad] where one is left most, infinite where they hold at all nodes
     left_at: Float[Array, ""]
+    first: Any  # change of the waves in the first step
 
 
-def newton(system: Cylinders, mesh: Mesh, start: Unknowns, tolerance, max_steps: int):
+class AbstractEquations(eqx.Module):
+    """The equations of a cycle on given panels, as Newton's method wants them."""
+
+    system: eqx.AbstractVar[Cylinders]
+    mesh: eqx.AbstractVar[Mesh]
+    # [-] A step beyond this has lost the solution.
+    lost: ClassVar[float] = LOST
+
+    @abstractmethod
+    def linearise(self, unknowns) -> tuple[Any, Any]:
+        """Remainder and linearised equations, factorised."""
+
+    @abstractmethod
+    def evaluate(self, unknowns) -> tuple[Any, Array]:
+        """Remainder and event functions."""
+
+    @abstractmethod
+    def solve(self, linear, right_hand_side) -> Any:
+        """Solution of the linearised equations."""
+
+    @abstractmethod
+    def panels(self, unknowns) -> Unknowns:
+        """The panels among the unknowns, or among their changes."""
+
+    @abstractmethod
+    def waves(self, unknowns) -> Any:
+        """Waves among the unknowns, or among their changes; `None` without any."""
+
+    def keeps_within(self, unknowns) -> Bool[Array, ""]:
+        """Whether free valves keep between seat and stop between the nodes as well."""
+        return keeps_within(self.system, self.mesh, self.panels(unknowns))
+
+    def size(self, step) -> Float[Array, ""]:
+        """[-] Largest change of a step."""
+        panels = self.panels(step)
+        # the velocity in the port of a shut valve may be anything at the start; it decides nothing
+        counts = jnp.ones(panels.left.shape[1]).at[self.system.columns(4, 7)].set(0.0)
+        size = max_of(jnp.abs(panels.points * counts))
+        parts = [panels.edges, *jax.tree.leaves(self.waves(step))]
+        for part in parts:
+            if part.size:
+                size = maximum(size, max_of(jnp.abs(part)))
+        return jnp.where(jnp.isfinite(size), size, 2 * LOST)
+
+
+class PanelEquations(AbstractEquations):
+    """The equations of a cycle between lines of constant pressure."""
+
+    system: Cylinders
+    mesh: Mesh
+
+    def linearise(self, unknowns):
+        remainder, blocks, _ = linearise(self.system, self.mesh, unknowns)
+        return remainder, factorise(blocks)
+
+    def evaluate(self, unknowns):
+        return evaluate(self.system, self.mesh, unknowns)
+
+    def solve(self, linear, right_hand_side):
+        return solve_factors(linear, right_hand_side)
+
+    def panels(self, unknowns):
+        return unknowns
+
+    def waves(self, unknowns):
+        return None
+
+
+def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
     """The periodic cycle near a start, with its report.
 
     Every Jacobian serves as long as the steps with it shrink fast: another costs as much as five of
     them.
     """
+    lost = equations.lost
 
     def falling(size, previous_size, steps):
         going = (size > tolerance) & ((size > 1e-10) | (size < 0.3 * previous_size))
-        return going & (size < LOST) & (steps < max_steps)
+        return going & (size < lost) & (steps < max_steps)
 
     def going_on(carry):
-        _, size, previous_size, steps, _, _ = carry
-        return falling(size, previous_size, steps) & mesh.fits
+        _, size, previous_size, steps, *_ = carry
+        return falling(size, previous_size, steps) & equations.mesh.fits
 
     def advance(carry):
-        z, _, _, steps, chord_steps, _ = carry
-        remainder, blocks, _ = linearise(system, mesh, z)
-        factors = factorise(blocks)
+        unknowns, _, _, steps, chord_steps, _, first = carry
+        remainder, linear = equations.linearise(unknowns)
 
         def fast(carry):
-            _, _, size, previous_size, count, _ = carry
+            _, _, size, previous_size, count, *_ = carry
             shrinks_fast = (
                 (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
             )
             return shrinks_fast | (count == 0)
 
         def step(carry):
-            z, remainder, previous_size, _, count, _ = carry
-            step = solve_factors(factors, jax.tree.map(jnp.negative, remainder))
-            # the velocity in the port of a shut valve may be anything at the start; it decides nothing
-            counts = jnp.ones(z.left.shape[1]).at[system.columns(4, 7)].set(0.0)
-            size = maximum(max_of(jnp.abs(step.points * counts)), max_of(jnp.abs(step.edges)))
-            size = jnp.where(jnp.isfinite(size), size, 2 * LOST)
-            z = jax.tree.map(lambda x, d: jnp.where(size < LOST, x + d, x), z, step)
-            remainder, events = evaluate(system, mesh, z)
-            return z, remainder, size, previous_size, count + 1, branches_of(z, events)
+            unknowns, remainder, previous_size, _, count, _, moved = carry
+            step = equations.solve(linear, jax.tree.map(jnp.negative, remainder))
+            size = equations.size(step)
+            unknowns = jax.tree.map(lambda x, d: jnp.where(size < lost, x + d, x), unknowns, step)
+            remainder, events = equations.evaluate(unknowns)
+            steps_with_it = count + 1
+            branches = branches_of(equations.panels(unknowns), events)
+            moved = jax.tree.map(
+                lambda new, old: jnp.where(count == 0, new, old), equations.waves(step), moved
+            )
+            return unknowns, remainder, size, previous_size, steps_with_it, branches, moved
 
         endless = jnp.asarray(jnp.inf)
-        begin = (z, remainder, endless, endless, none, unknown)
-        z, _, size, before, count, branches = lax.while_loop(fast, step, begin)
-        return z, size, before, steps + 1, chord_steps + count - 1, branches
+        begin = (unknowns, remainder, endless, endless, none, unknown, first)
+        unknowns, _, size, before, count, branches, moved = lax.while_loop(fast, step, begin)
+        first = jax.tree.map(lambda new, old: jnp.where(steps == 0, new, old), moved, first)
+        return unknowns, size, before, steps + 1, chord_steps + count - 1, branches, first
 
     none = jnp.zeros((), int)
     unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
-    begin = (start, jnp.asarray(1.0), jnp.asarray(LOST), none, none, unknown)
-    z, size, _, steps, chord_steps, branches = lax.while_loop(going_on, advance, begin)
-    holds = branches.hold & keeps_within(system, mesh, z)
-    return z, NewtonReport(size, steps, chord_steps, holds, branches.left_at)
+    unmoved = jax.tree.map(jnp.zeros_like, equations.waves(start))
+    begin = (start, jnp.asarray(0.1 * lost), jnp.asarray(lost), none, none, unknown, unmoved)
+    unknowns, size, _, steps, chord_steps, branches, first = lax.while_loop(
+        going_on, advance, begin
+    )
+    holds = branches.hold & equations.keeps_within(unknowns)
+    return unknowns, NewtonReport(size, steps, chord_steps, holds, branches.left_at, first)
 
 
 class Branches(NamedTuple):
@@ -322,12 +407,24 @@ def branches_of(z: Unknowns, events) -> Branches:
     return Branches(~is_left & in_order, jnp.where(is_left, angle, jnp.inf))
 
 
-def keeps_within(system: Cylinders, mesh: Mesh, z: Unknowns) -> Bool[Array, ""]:
-    """Whether free valves keep between seat and stop between the nodes as well."""
+def keeps_within(
+    system: Cylinders, mesh: Mesh, z: Unknowns, of_last_terms: float | None = None
+) -> Bool[Array, ""]:
+    """Whether free valves keep between seat and stop between the nodes as well.
+
+    Args:
+        system: the cylinders.
+        mesh, z: the panels.
+        of_last_terms: [-] how far a lift may pass where its panel does not resolve it, in parts of the
+            highest two terms of its polynomial.
+    """
     free = (mesh.flags[:, :: FLAGS // 2] == FREE) & (jnp.diff(z.edges) > 1e-7)[:, None]
     lift = jnp.where(free[:, None], z.points[..., system.columns(2, 5)], 0.5)
     beyond = jnp.moveaxis(jnp.concatenate([lift - 1, -lift], axis=-1), -1, 0)
-    return jnp.all(jax.vmap(highest)(beyond) < _PASSED)
+    if of_last_terms is None:
+        return jnp.all(jax.vmap(highest)(beyond) < _PASSED)
+    allowed = maximum(_PASSED, of_last_terms * last_terms(beyond))
+    return jnp.all(jax.vmap(highest)(beyond - allowed[..., None]) < 0)
 
 
 class Attached(AbstractRoot):

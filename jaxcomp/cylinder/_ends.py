@@ -84,8 +84,9 @@ def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOp
     """
     if has_ends(cylinder):
         return options.of_several(grouping(cylinder, count).together)
-    shared = cylinder.plenums or is_piped(cylinder)
-    return options.of_several(count if shared else 1)
+    if is_piped(cylinder):
+        return options.behind_pipes().of_several(count)
+    return options.of_several(count if cylinder.plenums else 1)
 
 
 def phase_of_ends(cylinder: Cylinder, phase: Float[Array, " k"]) -> Float[Array, " e"]:

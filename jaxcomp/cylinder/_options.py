@@ -47,6 +47,9 @@ _FINER_MARCH = 0.01
 # Share of the tolerance beyond which no march before the collocation is finer: Newton's method closes the
 # rest, and where that does not hold, the march by `value_tolerance` stands.
 _FINEST_MARCH = 1e-3
+# Panels of the smallest size behind pipes, whose pressure swings within the stretches between events: on
+# 48 the derivative of the work by the length of a pipe was off by 7e-4, on 64 by 1e-5.
+_LEAST_BEHIND_PIPES = 64
 # [-] Resolution beyond which more panels are taken: such cycles were off by 1e-5 and more.
 COARSE = 3e-3
 
@@ -177,6 +180,11 @@ class CycleOptions(eqx.Module):
         if self.method == "march" or not self.may_march:
             return None
         return dataclasses.replace(self, method="march", size=len(SIZES) - 1)
+
+    def behind_pipes(self) -> "CycleOptions":
+        """The options where lines are networks of pipes."""
+        least_panels = max(self.least_panels, _LEAST_BEHIND_PIPES)
+        return dataclasses.replace(self, least_panels=least_panels, first_nodes=_NODES)
 
     def of_several(self, count: int) -> "CycleOptions":
         """The options where cylinders are solved together: panels and steps are those of each."""

@@ -175,6 +175,11 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     return legendre_columns(2 * place - 1, values.shape[1]) @ (to_series @ values[panel])
 
 
+def last_terms(values: Float[Array, "*n m"]) -> Float[Array, "*n"]:
+    """Size of the highest two terms of the polynomials through values at the points of panels."""
+    return jnp.sum(jnp.abs(values @ _to_series(values.shape[-1])[-2:].T), axis=-1)
+
+
 def resolution(z: Unknowns) -> Float[Array, ""]:
     """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales."""
     states = z.points[..., jnp.asarray([0, 1, 2, 5])]

@@ -8,30 +8,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
-from .._core.extremes import min_of
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import EVENTS, FLAGS, STATES, Accounts
+from ._balance import STATES
 from ._climb import climbed, evidence, raise_where_unsolved
-from ._collocation import newton
 from ._cycle import Cycle, values_only
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
 from ._ends import Ends, ends_of, grouping, has_ends, one_end, options_of
 from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
-from ._march import Record
-from ._options import COARSE, CycleOptions
-from ._panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
-from ._piped import piped_rounds
+from ._options import CycleOptions
+from ._piped import PipedLines
 from ._plenum import PER_PLENUM
-from ._revolutions import START, TURN, March, march
-from ._several import NEAR, SeveralCycles, is_solved
+from ._revolutions import START, March, march
+from ._rounds import ConstantLines, blank_solution, laid, rounds_of
+from ._several import SeveralCycles, is_solved
 from ._system import Cylinders
 from ._waves import is_piped, pipings, waves_at_rest
 from .wall_network import OF_WALL
@@ -76,6 +73,8 @@ def solve_cycle(
     one_end(cylinder)
     options = options or CycleOptions()
     check_piping(cylinder, 1, options)
+    if is_piped(cylinder):
+        options = options.behind_pipes()
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
     machine = jax.tree.map(strongly_typed, (cylinder, mechanism, speed))
     values = frozen(machine)
@@ -152,6 +151,8 @@ def solve_cycles(
         start: as `solution_of` or `no_solution` give it.
     """
     check_piping(cylinder, len(mechanisms), options)
+    if is_piped(cylinder):
+        options = options.behind_pipes()
     if has_ends(cylinder):
         ends = ends_of(cylinder, mechanisms, phase)
         return _of_ends(partial(_solved_ends, options=options), ends, speed, pace, start)
@@ -347,31 +348,10 @@ def _solved_system(system: Cylinders, options: CycleOptions, start: CycleSolutio
     if marching:
         system = values_only(system)
     frozen = lax.stop_gradient(system)
-    piped = is_piped(system.cases.cylinder)
-    if piped and not marching:
-        no_solution_yet = _blank_solution(frozen.count, frozen.size, options)
-        return system, piped_rounds(frozen, options, start, _laid, no_solution_yet), marching
-    solve = _march_only if marching else _rounds
-    solution = solve(frozen, options, start)
-    return system, solution, marching
-
-
-def _count_events(record: Record) -> Int[Array, "2"]:
-    """Events of the suction and of the discharge valves in the revolution of a record.
-
-    The given angles of unloaders, which want panels as well, count as those of suction valves.
-    """
-    happens = jnp.isfinite(record.angle) & is_edge(record)
-    discharge = (record.event >= 0) & (record.event % EVENTS >= EVENTS // 2)
-    return jnp.stack([jnp.sum(happens & ~discharge), jnp.sum(happens & discharge)])
-
-
-def _laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
-    """Panels after a march, whether they have room for it among them, and the events of the valves."""
-    mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
-    events = _count_events(end.record)
-    steps = jnp.where(end.complete, 0, options.kept_steps + 1)
-    return mesh._replace(fits=mesh.fits & options.has_room(jnp.sum(events), steps)), z, events
+    if marching:
+        return system, _march_only(frozen, options, start), marching
+    lines = PipedLines() if is_piped(system.cases.cylinder) else ConstantLines()
+    return system, rounds_of(frozen, options, start, lines), marching
 
 
 def _march_only(
@@ -393,7 +373,7 @@ def _march_only(
         jnp.asarray(True),
         options.revolutions_at_most,
     )
-    mesh, z, events = _laid(end, options)
+    mesh, z, events = laid(end, options)
     return CycleSolution(
         mesh=mesh,
         z=z,
@@ -448,111 +428,16 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
     )
 
 
-def _rounds(system: Cylinders, options: CycleOptions, start: CycleSolution | None) -> CycleSolution:
-    """March and Newton's method in turns: where Newton leaves the sequence, march from there.
-
-    If there is a start, the first round takes its panels instead of a march.
-    """
-    has_start = jnp.asarray(False) if start is None else start.solved
-    # further revolutions cost more than another round
-    few = min(8, options.revolutions_at_most)
-
-    def advance(carry):
-        state, flags, watched, previous, rounds = carry
-        ready = rounds < 0
-        tolerance = options.march_tolerance_of(rounds)
-        repeat = 100 * tolerance  # Newton's method closes the rest
-        is_marched = ~(previous.solved | ready)
-        end = march(
-            system, options, tolerance, repeat, state, flags, is_marched, few, tuple(watched)
-        )
-        laid = *_laid(end, options), end.totals, end.change <= repeat
-        if start is not None:
-            of_start = start.mesh, start.z, start.events, start.totals, start.repeats
-            laid = jax.tree.map(partial(jnp.where, ready), of_start, laid)
-        mesh, z, events, totals, repeats = laid
-        new, report = newton(system, mesh, z, options.tolerance, options.max_newton)
-        sound = mesh.fits & (report.size < NEAR)
-        coarse = sound & report.holds & (resolution(new) > COARSE) & options.may_grow
-        # panels that resolve too little are too few
-        mesh = mesh._replace(fits=mesh.fits & ~coarse)
-        solution = CycleSolution(
-            mesh=mesh,
-            z=new,
-            marched=z,
-            totals=totals,
-            solved=sound & report.holds & ~coarse,
-            residual=report.size,
-            steps=report.steps,
-            revolutions=previous.revolutions + end.revolutions,
-            passes=previous.passes + end.passes,
-            events=events,
-            repeats=repeats,
-            # Newton's method may find the state between two revolutions all the same
-            alternates=jnp.asarray(False),
-        )
-        least = min_of(new.left[:, system.columns(0, 1)])
-        goes_on = sound & (least > 0.01)
-        state = jnp.where(goes_on, new.left[0], end.state)
-        flags = jnp.where(goes_on, mesh.flags[0], end.flags)
-        # a step of the march may have dipped there beyond an event and out again; that of a start is
-        # noted in the last row, which no other round reads
-        watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
-        usable = end.ended & mesh.fits
-        rounds = jnp.where(usable, rounds + 1, options.max_rounds)
-        return state, flags, watched, solution, rounds
-
-    def going_on(carry):
-        *_, solution, rounds = carry
-        return ~solution.solved & (rounds < options.max_rounds)
-
-    state, flags = system.initial(START)
-    no_solution_yet = _blank_solution(system.count, system.size, options)
-    if start is not None:
-        no_solution_yet = no_solution_yet._replace(
-            revolutions=start.revolutions, passes=start.passes
-        )
-    watched = jnp.full(options.max_rounds, jnp.inf)
-    begin = state, flags, watched, no_solution_yet, -1 * has_start
-    return lax.while_loop(going_on, advance, begin)[3]
-
-
 def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleSolution:
     """Solution of `count` cylinders before the first round; without plenums, of each of them."""
     if has_ends(cylinder):
         ends = grouping(cylinder, count)
         size = ends.together * STATES + PER_PLENUM * len(cylinder.plenums)
-        blank = _blank_solution(ends.together, size, options_of(cylinder, count, options))
+        blank = blank_solution(ends.together, size, options_of(cylinder, count, options))
         return blank if ends.groups == 1 else over_cylinders(blank, ends.groups)
     if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own_states = STATES + (0 if cylinder.walls is None else OF_WALL)
     size = count * own_states + PER_PLENUM * len(cylinder.plenums)
-    blank = _blank_solution(count, size, options_of(cylinder, count, options))
+    blank = blank_solution(count, size, options_of(cylinder, count, options))
     return blank._replace(waves=waves_at_rest(cylinder)) if is_piped(cylinder) else blank
-
-
-def _blank_solution(count: int, states: int, options: CycleOptions) -> CycleSolution:
-    p = options.panel_count
-    s = options.panel_nodes
-    none = jnp.zeros((), int)
-    flat = jnp.zeros(p, int)
-    mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
-    edges = START + TURN * jnp.linspace(0.0, 1.0, p + 1)
-    z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
-    totals = jnp.zeros((count, len(Accounts._fields)))
-    solved = jnp.asarray(False)
-    return CycleSolution(
-        mesh=mesh,
-        z=z,
-        marched=z,
-        totals=totals,
-        solved=solved,
-        residual=jnp.zeros(()),
-        steps=none,
-        revolutions=none,
-        passes=none,
-        events=jnp.zeros(2, int),
-        repeats=jnp.asarray(False),
-        alternates=jnp.asarray(False),
-    )

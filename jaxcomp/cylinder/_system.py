@@ -30,18 +30,21 @@ from ._cylinder import Case
 from ._events import after_event, jump, longest_step, passed, towards
 from ._piston_end import PistonEnd
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states
+from ._quadrature import harmonics, machine_time
 from ._rings import with_ring_flow
 from ._waves import (
     Observed,
+    Samples,
+    SideWaves,
     Waves,
     flange_numbers,
-    harmonics,
     has_own_temperature,
-    machine_time,
     orders_of,
     pipings,
+    sampled,
     side_at,
     sides_of,
+    slope_of,
 )
 from .wall_network import OF_WALL, next_revolution
 
@@ -80,12 +83,14 @@ class Cylinders(eqx.Module):
         phase: [rad] (k,) own angle of each less that of the crank.
         in_time: whether the rates are those in time; the temperature of the walls is held then.
         waves: of the pressures at the flanges of pipes; `None` where lines are constant.
+        samples: of these pressures in each network, for a march.
     """
 
     cases: Case
     phase: Float[Array, " k"]
     in_time: bool = eqx.field(static=True, default=False)
     waves: Waves | None = None
+    samples: tuple[Samples, ...] | None = None
 
     @property
     def count(self) -> int:
@@ -263,6 +268,11 @@ class Cylinders(eqx.Module):
         """These cylinders behind flanges with given waves."""
         return Cylinders(self.cases, self.phase, self.in_time, waves)
 
+    def with_samples(self) -> "Cylinders":
+        """These cylinders with their waves at instants: values alone, but quick."""
+        samples = tuple(sampled(side.pressure) for side in self._piped_waves)
+        return Cylinders(self.cases, self.phase, self.in_time, self.waves, samples)
+
     @property
     def first(self) -> Case:
         """The first cylinder."""
@@ -286,15 +296,26 @@ class Cylinders(eqx.Module):
 
     def flange_pressures(self, angle: Float[Array, ""]) -> Float[Array, "k l"]:
         """[-] Of every cylinder at each piped line, over that of the line, less one."""
-        assert self.waves is not None
-        tau, _ = machine_time(self.first, self.phase[0], self.own_angle(angle)[0])
+        tau, _ = self._time(angle)
+        if self.samples is not None:
+            return self._of_cylinders([samples.at(tau) for samples in self.samples])
         basis = harmonics(tau, self.orders)
-        columns = []
-        for side, flanges in zip(self.piped_sides, self._flanges, strict=True):
-            waves = self.waves[side]
-            assert waves is not None
-            columns.append((waves.pressure @ basis)[flanges])
-        return jnp.stack(columns, axis=1)
+        return self._of_cylinders([side.pressure @ basis for side in self._piped_waves])
+
+    def _time(self, angle: Float[Array, ""]):
+        """tau [rad] of the machine, and its rate over the angle."""
+        return machine_time(self.first, self.phase[0], self.own_angle(angle)[0])
+
+    @property
+    def _piped_waves(self) -> list[SideWaves]:
+        """Waves of each network."""
+        assert self.waves is not None
+        return [side for side in self.waves if side is not None]
+
+    def _of_cylinders(self, at_flanges: list[Float[Array, " f"]]) -> Float[Array, "k l"]:
+        """Values of every cylinder, from those at the flanges of each network."""
+        pairs = zip(at_flanges, self._flanges, strict=True)
+        return jnp.stack([values[flanges] for values, flanges in pairs], axis=1)
 
     def sides(self, case: Case, pressures: Float[Array, " l"]) -> tuple[Side, Side]:
         """The gas at the flanges of a cylinder."""
@@ -348,9 +369,12 @@ class Cylinders(eqx.Module):
             place = end
         return tuple(parts)
 
-    def _basis(self, angle: Float[Array, ""]) -> Float[Array, "q c"]:
-        """Pressures of all cylinders at each piped line for each harmonic of each flange."""
-        tau, _ = machine_time(self.first, self.phase[0], self.own_angle(angle)[0])
+    def _columns_of(self, basis: Float[Array, " h"]) -> Float[Array, "q c"]:
+        """Pressures of all cylinders at each piped line for each harmonic of each flange.
+
+        Args:
+            basis: values of the harmonics.
+        """
         flanges = self._flanges
         counts = [numbers.max() + 1 for numbers in flanges]
         starts = np.cumsum([0, *counts])
@@ -358,7 +382,7 @@ class Cylinders(eqx.Module):
         selection = np.zeros((self.count, lines, starts[-1]))
         for line, numbers in enumerate(flanges):
             selection[np.arange(self.count), line, starts[line] + numbers] = 1
-        wide = selection.reshape(-1, starts[-1], 1) * harmonics(tau, self.orders)
+        wide = selection.reshape(-1, starts[-1], 1) * basis
         return jnp.asarray(wide).reshape(self.count * lines, -1)
 
     def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
@@ -366,8 +390,11 @@ class Cylinders(eqx.Module):
         states, _ = self.parted(state)
         m = self.stride
         k = self.count
-        one_angle = jnp.ones_like(angle)
-        pressures, pressures_1 = jax.jvp(self.flange_pressures, (angle,), (one_angle,))
+        tau, pace = self._time(angle)
+        basis = harmonics(tau, self.orders)
+        waves = [side.pressure for side in self._piped_waves]
+        pressures = self._of_cylinders([series @ basis for series in waves])
+        pressures_1 = pace * self._of_cylinders([slope_of(series) @ basis for series in waves])
 
         def cylinder_slopes(case, angle, state, flags, pressures):
             def law(packed, gas):
@@ -410,7 +437,7 @@ class Cylinders(eqx.Module):
             observed_by_state=observation @ streams_by_state,
             observed_by_angle=observation @ streams_turned,
             observed_by_pressure=observation @ streams_by_pressure,
-            basis=self._basis(angle),
+            basis=self._columns_of(basis),
         )
 
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:

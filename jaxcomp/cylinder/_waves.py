@@ -12,13 +12,12 @@ from functools import cache
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.extremes import maximum
-from .._core.polynomials import gauss
+from .._core.extremes import maximum, minimum
+from .._core.polynomials import cubic_step
 from ..fluid import GasState
 from ..piping import PipeGas, Piping, network_of, pipe_gas
 from ..piping.interface import (
@@ -32,14 +31,12 @@ from ..piping.interface import (
 from ..valve.interface import Side, enthalpy_drop
 from ._cylinder import Case, Cylinder
 
-# Points on every panel at which flows are multiplied with harmonics: exact to rounding while
-# n width/2 < 20, where Gauss's rule with the nodes of the collocation alone ends at 3.
-_FINE = 24
-WIDEST = 20.0
 # [-] of the line's pressure, below which an iterate is not followed.
 _LEAST = 0.05
 # Instants of a revolution for every harmonic at which square laws are looked at.
 _INSTANTS = 6
+# The same at which a march finds the pressures, with cubics between: 4e-6 of the last harmonic.
+_SAMPLES = 32
 _TINY = 1e-9
 
 
@@ -115,78 +112,12 @@ def waves_at_rest(cylinder: Cylinder) -> Waves:
     return sides[0], sides[1]
 
 
-def harmonics(tau: Float[Array, "*n"], orders: int) -> Float[Array, "*n h"]:
-    """1, then cosines, then sines of multiples of an angle, by products of powers."""
-    first = jnp.exp(1j * tau)[..., None]
-    powers = first
-    while powers.shape[-1] < orders:
-        powers = jnp.concatenate([powers, powers * powers[..., -1:]], axis=-1)
-    powers = powers[..., :orders]
-    return jnp.concatenate([jnp.ones_like(first.real), powers.real, powers.imag], axis=-1)
-
-
-def machine_time(case: Case, phase, own_angle):
-    """tau [rad] at an own angle of the first cylinder, and its rate over the angle."""
-    tau = own_angle - phase
-    rate = 1 + 0 * own_angle
-    if case.pace is not None:
-        tau = tau + case.pace.lag(own_angle)
-        rate = rate + case.pace.at(own_angle)
-    return tau, rate
-
-
 def side_at(line: Side, ratio: Float[Array, ""]) -> Side:
     """The gas at a flange whose pressure is `ratio` of that in the line, isentropic about it."""
     ratio = maximum(ratio, _LEAST)
     rise = -line.p / line.rho * enthalpy_drop(line.kappa, ratio)
     density = line.rho * ratio ** (1 / line.kappa)
     return line._replace(p=line.p * ratio, rho=density, h=line.h + rise)
-
-
-class Quadrature(NamedTuple):
-    """Weights of the flows at the nodes of p panels in their harmonics.
-
-    Attributes:
-        nodes: (p, s, h) of the values there.
-        to_left, to_right: (p, s, h) change of these weights with the panel's edges.
-    """
-
-    nodes: Float[Array, "p s h"]
-    to_left: Float[Array, "p s h"]
-    to_right: Float[Array, "p s h"]
-
-
-def quadrature(case: Case, phase, edges: Float[Array, " e"], nodes: int, orders: int) -> Quadrature:
-    """Weights of the harmonics in time of what polynomials on panels run through.
-
-    The first row gives the mean over a revolution, the others the amplitudes of cosine and sine.
-    """
-    rule = gauss(_FINE)
-    through = jnp.asarray(gauss(nodes).through(rule.nodes))
-    width = jnp.diff(edges)
-    angle = edges[:-1, None] + width[:, None] * rule.nodes
-    scale = np.full(2 * orders + 1, 1 / np.pi)
-    scale[0] = 1 / (2 * np.pi)
-
-    def density(angle):
-        tau, rate = machine_time(case, phase, phase + angle)
-        return harmonics(tau, orders) * (rate[..., None] * scale)
-
-    def at(angle):
-        return jax.vmap(density)(angle.ravel()).reshape(*angle.shape, -1)
-
-    values, slopes = jax.jvp(at, (angle,), (jnp.ones_like(angle),))
-    values = values * rule.weights[:, None]
-    slopes = slopes * rule.weights[:, None] * width[:, None, None]
-    by_left_edge = -values + slopes * (1 - rule.nodes)[:, None]
-    right = values + slopes * rule.nodes[:, None]
-
-    def on_nodes(fine):
-        return jnp.einsum("mj,pmh->pjh", through, fine)
-
-    return Quadrature(
-        on_nodes(values * width[:, None, None]), on_nodes(by_left_edge), on_nodes(right)
-    )
 
 
 @cache
@@ -210,6 +141,48 @@ def complex_of(series: Float[Array, "*f h"], orders: int):
 def series_of(mean, amplitudes) -> Float[Array, "*f h"]:
     """The series of a mean and of complex amplitudes."""
     return jnp.concatenate([mean[..., None], amplitudes.real, -amplitudes.imag], axis=-1)
+
+
+def slope_of(series: Float[Array, "*f h"]) -> Float[Array, "*f h"]:
+    """The series of what a series changes by over its angle."""
+    orders = series.shape[-1] // 2
+    numbers = np.arange(1.0, orders + 1)
+    cosine = series[..., 1 : 1 + orders]
+    sine = series[..., 1 + orders :]
+    return jnp.concatenate([0 * series[..., :1], numbers * sine, -numbers * cosine], axis=-1)
+
+
+class Samples(NamedTuple):
+    """Series at even instants of a revolution.
+
+    Attributes:
+        values: (f, m)
+        slopes: (f, m) over the angle.
+    """
+
+    values: Float[Array, "f m"]
+    slopes: Float[Array, "f m"]
+
+    def at(self, tau: Float[Array, ""]) -> Float[Array, " f"]:
+        """Values at an angle, by cubics through values and slopes."""
+        count = self.values.shape[1]
+        gap = 2 * np.pi / count
+        place = jnp.mod(tau, 2 * np.pi) / gap
+        number = minimum(place.astype(int), count - 1)
+        around = jnp.stack([number, (number + 1) % count])
+        ends = self.values[:, around].T
+        slopes = self.slopes[:, around].T
+        return cubic_step(place - number, gap, ends, slopes)
+
+
+def sampled(series: Float[Array, "f h"]) -> Samples:
+    """Samples of series, for a march, which asks for them at many thousand angles."""
+    orders = series.shape[-1] // 2
+    mean, amplitudes = complex_of(jnp.stack([series, slope_of(series)]), orders)
+    spectrum = jnp.concatenate([mean[..., None], amplitudes / 2], axis=-1)
+    count = _SAMPLES * orders
+    values, slopes = count * jnp.fft.irfft(spectrum, n=count, axis=-1)
+    return Samples(values, slopes)
 
 
 class Observed(NamedTuple):
@@ -285,10 +258,11 @@ class Line(eqx.Module):
         drop = law / 2 * maximum(square, size**2) / size * network.length[rough]
         return Drag(mean.at[rough].set(drop), slope.at[rough].set(turbulent))
 
-    def answer(self, waves: SideWaves, observed: Observed) -> SideWaves:
-        """Waves that the network makes of its flows, with its gas, friction and orifices as they are."""
-        responses = self.responses(waves)
-        return self.answer_of(responses, waves, observed)
+    @property
+    def is_fixed(self) -> bool:
+        """Whether its responses are the same for all waves: known gas and attenuation."""
+        has_friction = any(pipes.attenuation is None for pipes in self.piping.pipes)
+        return not (has_friction or has_own_temperature(self.cylinder, self.side))
 
     def responses(self, waves: SideWaves):
         """Network, gas and its responses, of the mean and of the harmonics."""

@@ -249,7 +249,8 @@ def test_gas_of_the_discharge_pipe_has_the_temperature_of_what_is_delivered():
     temperature = float(cycle.pulsation.waves[1].temperature[0] * cycle.case.discharge.T)
     assert temperature == pytest.approx(float(cycle.discharge_temperature), rel=1e-12)
     given = solved(None, discharge_pipe(temperature))
-    assert float(given.indicated_work) == pytest.approx(float(cycle.indicated_work), rel=1e-10)
+    # panels laid after other marches: their error of 1e-5 moves by 1e-10
+    assert float(given.indicated_work) == pytest.approx(float(cycle.indicated_work), rel=1e-9)
 
 
 @OWN_PROGRAM

@@ -1,0 +1,225 @@
+"""Rounds of march and Newton's method, until the sequence of events stands."""
+
+from abc import abstractmethod
+from functools import partial
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from .._core.extremes import min_of
+from ._balance import EVENTS, FLAGS, Accounts
+from ._collocation import NewtonReport, PanelEquations, newton
+from ._evaluation import CycleSolution
+from ._march import Record
+from ._options import COARSE, CycleOptions
+from ._panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
+from ._revolutions import START, TURN, march
+from ._several import NEAR
+from ._system import Cylinders
+
+
+def count_events(record: Record) -> Int[Array, "2"]:
+    """Events of the suction and of the discharge valves in the revolution of a record.
+
+    The given angles of unloaders, which want panels as well, count as those of suction valves.
+    """
+    happens = jnp.isfinite(record.angle) & is_edge(record)
+    discharge = (record.event >= 0) & (record.event % EVENTS >= EVENTS // 2)
+    return jnp.stack([jnp.sum(happens & ~discharge), jnp.sum(happens & discharge)])
+
+
+def laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
+    """Panels after a march, whether they have room for it among them, and the events of the valves."""
+    mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
+    events = count_events(end.record)
+    steps = jnp.where(end.complete, 0, options.kept_steps + 1)
+    return mesh._replace(fits=mesh.fits & options.has_room(jnp.sum(events), steps)), z, events
+
+
+def blank_solution(count: int, states: int, options: CycleOptions) -> CycleSolution:
+    """Solution of `count` cylinders before the first round."""
+    p = options.panel_count
+    s = options.panel_nodes
+    none = jnp.zeros((), int)
+    flat = jnp.zeros(p, int)
+    mesh = Mesh(jnp.zeros((p, FLAGS * count), int), flat, flat, jnp.asarray(False))
+    edges = START + TURN * jnp.linspace(0.0, 1.0, p + 1)
+    z = Unknowns(jnp.zeros((p, s + 1, states)), jnp.zeros((p, states)), edges)
+    totals = jnp.zeros((count, len(Accounts._fields)))
+    solved = jnp.asarray(False)
+    return CycleSolution(
+        mesh=mesh,
+        z=z,
+        marched=z,
+        totals=totals,
+        solved=solved,
+        residual=jnp.zeros(()),
+        steps=none,
+        revolutions=none,
+        passes=none,
+        events=jnp.zeros(2, int),
+        repeats=jnp.asarray(False),
+        alternates=jnp.asarray(False),
+    )
+
+
+class AbstractLines(eqx.Module):
+    """The lines as the rounds meet them: with waves that are unknown beside the panels, or none."""
+
+    @abstractmethod
+    def rounds(self, options: CycleOptions) -> int:
+        """Rounds at most."""
+
+    @abstractmethod
+    def waves_at_rest(self, system: Cylinders) -> Any:
+        """Waves before the first round."""
+
+    @abstractmethod
+    def marched(self, system: Cylinders, waves) -> Cylinders:
+        """The cylinders of a march."""
+
+    @abstractmethod
+    def march_tolerance(self, options: CycleOptions, number) -> Float[Array, ""]:
+        """[-] Error of a step of the march of a round."""
+
+    @abstractmethod
+    def solve(
+        self, system: Cylinders, mesh: Mesh, z: Unknowns, waves, options: CycleOptions
+    ) -> tuple[Unknowns, Any, NewtonReport]:
+        """Panels and waves by Newton's method."""
+
+    @abstractmethod
+    def is_coarse(self, system: Cylinders, z: Unknowns) -> Bool[Array, ""]:
+        """Whether panels resolve too little."""
+
+    @abstractmethod
+    def next_waves(self, goes_on, waves, new, report: NewtonReport) -> Any:
+        """Waves of the next round.
+
+        Args:
+            goes_on: whether Newton's method came near a cycle.
+            waves: before it.
+            new: after it.
+            report: its own.
+        """
+
+
+class ConstantLines(AbstractLines):
+    """Lines of constant pressure, and plenums."""
+
+    def rounds(self, options):
+        return options.max_rounds
+
+    def waves_at_rest(self, system):
+        return None
+
+    def marched(self, system, waves):
+        return system
+
+    def march_tolerance(self, options, number):
+        return options.march_tolerance_of(number)
+
+    def solve(self, system, mesh, z, waves, options):
+        equations = PanelEquations(system, mesh)
+        new, report = newton(equations, z, options.tolerance, options.max_newton)
+        return new, None, report
+
+    def is_coarse(self, system, z):
+        return resolution(z) > COARSE
+
+    def next_waves(self, goes_on, waves, new, report):
+        return None
+
+
+def rounds_of(
+    system: Cylinders, options: CycleOptions, start: CycleSolution | None, lines: AbstractLines
+) -> CycleSolution:
+    """March and Newton's method in turns: where Newton leaves the sequence, march from there.
+
+    If there is a start, the first round takes its panels instead of a march.
+
+    Args:
+        system: the cylinders.
+        options: of the solver.
+        start: of a similar machine.
+        lines: on which the cylinders work.
+    """
+    has_start = jnp.asarray(False) if start is None else start.solved
+    max_rounds = lines.rounds(options)
+    # further revolutions cost more than another round
+    few = min(8, options.revolutions_at_most)
+
+    def advance(carry):
+        state, flags, waves, watched, previous, rounds = carry
+        ready = rounds < 0
+        tolerance = lines.march_tolerance(options, rounds)
+        repeat = 100 * tolerance  # Newton's method closes the rest
+        is_marched = ~(previous.solved | ready)
+        end = march(
+            lines.marched(system, waves),
+            options,
+            tolerance,
+            repeat,
+            state,
+            flags,
+            is_marched,
+            few,
+            tuple(watched),
+        )
+        after_march = *laid(end, options), end.totals, end.change <= repeat
+        if start is not None:
+            of_start = start.mesh, start.z, start.events, start.totals, start.repeats
+            after_march = jax.tree.map(partial(jnp.where, ready), of_start, after_march)
+        mesh, z, events, totals, repeats = after_march
+        new, new_waves, report = lines.solve(system, mesh, z, waves, options)
+        sound = mesh.fits & (report.size < NEAR)
+        coarse = sound & report.holds & lines.is_coarse(system, new) & options.may_grow
+        # panels that resolve too little are too few
+        mesh = mesh._replace(fits=mesh.fits & ~coarse)
+        solution = CycleSolution(
+            mesh=mesh,
+            z=new,
+            marched=z,
+            totals=totals,
+            solved=sound & report.holds & ~coarse,
+            residual=report.size,
+            steps=report.steps,
+            revolutions=previous.revolutions + end.revolutions,
+            passes=previous.passes + end.passes,
+            events=events,
+            repeats=repeats,
+            # Newton's method may find the state between two revolutions all the same
+            alternates=jnp.asarray(False),
+            waves=new_waves,
+        )
+        least = min_of(new.left[:, system.columns(0, 1)])
+        goes_on = sound & (least > 0.01)
+        state = jnp.where(goes_on, new.left[0], end.state)
+        flags = jnp.where(goes_on, mesh.flags[0], end.flags)
+        waves = lines.next_waves(goes_on, waves, new_waves, report)
+        # a step of the march may have dipped there beyond an event and out again; that of a start is
+        # noted in the last row, which no other round reads
+        watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
+        usable = end.ended & mesh.fits
+        rounds = jnp.where(usable, rounds + 1, max_rounds)
+        return state, flags, waves, watched, solution, rounds
+
+    def going_on(carry):
+        *_, solution, rounds = carry
+        return ~solution.solved & (rounds < max_rounds)
+
+    state, flags = system.initial(START)
+    waves = lines.waves_at_rest(system)
+    no_solution_yet = blank_solution(system.count, system.size, options)._replace(waves=waves)
+    if start is not None:
+        no_solution_yet = no_solution_yet._replace(
+            revolutions=start.revolutions, passes=start.passes
+        )
+        waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
+    watched = jnp.full(max_rounds, jnp.inf)
+    begin = state, flags, waves, watched, no_solution_yet, -1 * has_start
+    return lax.while_loop(going_on, advance, begin)[4]
