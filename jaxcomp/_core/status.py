@@ -69,6 +69,15 @@ class Status(eqx.Enumeration):
         "the gas is hotter or denser than 1.2 times the range of its equation of state, where numbers of "
         "it mean nothing; take a lower pressure ratio, colder suction gas or another fluid"
     )
+    large_pulsation = (
+        "the cycle converged, and its pulsation is beyond 15 % of the line's pressure at a flange, where "
+        "waves are no longer linear: the flow may be off by 0.35 of the square of the pulsation "
+        "(`pulsation_linear_error`)"
+    )
+    fast_flow = (
+        "the cycle converged, and the mean flow in a pipe is beyond Mach 0.15, where it carries the "
+        "waves along, which the equations leave out"
+    )
 
 
 # A result that cannot be relied on though every solver converged: a response without a solution, or

@@ -116,6 +116,8 @@ def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> 
 
 def _solved(pulsation) -> dict[str, Any]:
     """The coupled answer as plain numbers."""
+    from .._core.status import names_of_codes
+
     return {
         "pressures": {name: float(value) for name, value in pulsation.pressures.items()},
         "spectra": {name: sizes.tolist() for name, sizes in pulsation.spectra().items()},
@@ -136,6 +138,7 @@ def _solved(pulsation) -> dict[str, Any]:
         "shaking": {name: float(value) for name, value in pulsation.shaking_forces.items()},
         "pressure_drop": {name: float(value) for name, value in pulsation.mean_drops.items()},
         "resolution": float(pulsation.resolution),
+        "status": str(names_of_codes(int(pulsation.status._value))),
         "linear_error": float(pulsation.linear_error),
         "mach": float(pulsation.mach),
         "remarks": pulsation.remarks,

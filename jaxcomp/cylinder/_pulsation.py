@@ -4,15 +4,20 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.errors import BadInput
 from .._core.extremes import max_of, maximum, min_of
+from .._core.fields import is_traced
 from .._core.results import Data, Result
+from .._core.status import Status
 from ..piping import flange_limit, line_limit, line_limit_of_approach_1
+from ..piping.interface import steady_transfers, transfers
 from ._cylinder import Case
-from ._waves import Line, Observed, Waves, complex_of, lines_of, series_of
+from ._waves import Line, Observed, SideWaves, Waves, complex_of, lines_of, series_of
 
 # Orders that have names of their own.
 NAMED_ORDERS = 8
@@ -81,8 +86,7 @@ class Pulsation(Result, eqx.Module):
         """Series [Pa] of the pressure at every node, beyond that of its line: mean, cosines, sines."""
         series = {}
         for side, line, flows in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             network, _, steady, dynamic = line.responses(waves)
             mean, amplitudes = line.ports(waves, flows)
             of_mean = steady.pressure @ mean
@@ -92,6 +96,64 @@ class Pulsation(Result, eqx.Module):
                 series[self._name(side, node)] = row
         return series
 
+    def series_in_pipe(
+        self, begin: str, end: str, distance: float | Float[Array, ""]
+    ) -> Float[Array, " h"]:
+        """Series [Pa] of the pressure at a place of a pipe, beyond that of its line.
+
+        Args:
+            begin, end: names of the nodes at its ends, as in `series`.
+            distance: [m] of the place from the first of them.
+
+        Raises:
+            BadInput: no pipe from one to the other, or a place beyond its end.
+        """
+        side, line, flows, number, is_turned = self._pipe(begin, end)
+        waves = self._waves_of_side(side)
+        network, gas, steady, dynamic = line.responses(waves)
+        length = network.length[number]
+        if not is_traced(distance) and not 0 <= float(distance) <= float(length) * (1 + 1e-12):
+            raise BadInput(
+                "distance", float(distance), f">= 0 and <= {float(length):.6g} m, the pipe's"
+            )
+        before_end = distance if is_turned else length - distance
+        mean, amplitudes = line.ports(waves, flows)
+        drag = line.drag(network, gas, waves.friction)
+        cut = eqx.tree_at(lambda n: n.length, network, network.length.at[number].set(before_end))
+        share = before_end / length
+        cut_drag = drag._replace(mean=drag.mean.at[number].multiply(share))
+        behind = network.pipe_ends[number][1]
+
+        def pressure(poles, response, ports):
+            at_end = response.pressure[behind] @ ports
+            flow = response.pipe_flow[number] @ ports
+            return poles.forward[number] * at_end + poles.impedance[number] * flow
+
+        def of_harmonic(order, response, ports):
+            return pressure(transfers(cut, gas, 1j * order * line.speed, drag), response, ports)
+
+        orders = jnp.arange(1.0, line.orders + 1)
+        waves_there = jax.vmap(of_harmonic)(orders, dynamic, amplitudes)
+        return series_of(pressure(steady_transfers(cut, gas, cut_drag), steady, mean), waves_there)
+
+    def _pipe(self, begin: str, end: str) -> tuple[int, Line, Observed, int, bool]:
+        """Line of a pipe, with its flows, number of the pipe, and whether it runs the other way."""
+        pipes = []
+        for side, line, flows in self.lines:
+            network = line.network(line.gas(self._waves_of_side(side).temperature))
+            for number, pair in enumerate(network.pipe_ends):
+                names = tuple(self._name(side, network.nodes[node]) for node in pair)
+                pipes.append("-".join(names))
+                if names in ((begin, end), (end, begin)):
+                    return side, line, flows, number, names != (begin, end)
+        raise BadInput("pipe", f"{begin}-{end}", "one of " + ", ".join(pipes))
+
+    def _waves_of_side(self, side: int) -> SideWaves:
+        """Waves of a network."""
+        waves = self.waves[side]
+        assert waves is not None
+        return waves
+
     def over_revolution(self, node: str, tau: Float[Array, " n"]) -> Float[Array, " n"]:
         """Pressure [Pa] at a node, beyond that of its line.
 
@@ -99,10 +161,7 @@ class Pulsation(Result, eqx.Module):
             node: its name.
             tau: [rad] time over a revolution, from the top dead centre of the first cylinder.
         """
-        series = self.series()[node]
-        cosine, sine = _waves_of(series)
-        angle = jnp.arange(1, cosine.size + 1) * tau[:, None]
-        return series[0] + jnp.cos(angle) @ cosine + jnp.sin(angle) @ sine
+        return values_of(self.series()[node], tau)
 
     def spectra(self) -> dict[str, Float[Array, " n"]]:
         """Amplitudes [Pa] of the harmonics at every node, from the first."""
@@ -130,8 +189,7 @@ class Pulsation(Result, eqx.Module):
         series = self.series()
         spectra = _spectra(series)
         for side, line, _ in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             gas = line.gas(waves.temperature)
             network = line.network(gas)
             pressure = line.state.p
@@ -189,8 +247,7 @@ class Pulsation(Result, eqx.Module):
         forces = {}
         series = self.series()
         for side, line, _ in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             network = line.network(line.gas(waves.temperature))
             for run in line.piping.runs:
                 first, second = (network.nodes.index(node) for node in run.nodes)
@@ -215,8 +272,7 @@ class Pulsation(Result, eqx.Module):
         """[-] Last harmonic at the flanges over the largest: what a sharper edge would still add."""
         shares = []
         for side, _, _ in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             _, amplitudes = complex_of(waves.pressure, (waves.pressure.shape[1] - 1) // 2)
             sizes = jnp.abs(amplitudes)
             shares.append(max_of(sizes[:, -1] / maximum(max_of(sizes, axis=1), 1e-30)))
@@ -227,8 +283,7 @@ class Pulsation(Result, eqx.Module):
         """[-] Peak to peak at the flanges over the pressure of the line, the largest."""
         sizes = []
         for side, _, _ in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             sizes += [peak_to_peak(row) for row in waves.pressure]
         return max_of(jnp.stack(sizes))
 
@@ -242,13 +297,21 @@ class Pulsation(Result, eqx.Module):
         """[-] Largest Mach number of the mean flow in any pipe."""
         numbers = []
         for side, line, flows in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             network, gas, steady, _ = line.responses(waves)
             mean, _ = line.ports(waves, flows)
             flow = jnp.abs(steady.pipe_flow @ mean)
             numbers.append(max_of(flow / (gas.density * gas.sound_speed * network.area)))
         return max_of(jnp.stack(numbers))
+
+    @property
+    def status(self):
+        """Whether the waves are within the range of their equations, as a `Status`.
+
+        The cycle behind is solved all the same: `linear_error` estimates by how much its flow is off.
+        """
+        status = Status.where(self.mach > FAST, Status.fast_flow, Status.converged)
+        return Status.where(self.largest > LARGE, Status.large_pulsation, status)
 
     @property
     def remarks(self) -> list[str]:
@@ -279,8 +342,7 @@ class Pulsation(Result, eqx.Module):
         """Highest order at which waves in all pipes are plane."""
         limits = []
         for side, line, _ in self.lines:
-            waves = self.waves[side]
-            assert waves is not None
+            waves = self._waves_of_side(side)
             gas = line.gas(waves.temperature)
             widest = max_of(line.network(gas).diameter)
             frequency = _ACROSS * gas.sound_speed / (np.pi * widest)
@@ -304,6 +366,18 @@ def _waves_of(series: Float[Array, " h"]) -> tuple[Float[Array, " n"], Float[Arr
     """Cosines and sines of a series, without its mean."""
     orders = (series.size - 1) // 2
     return series[1 : 1 + orders], series[1 + orders :]
+
+
+def values_of(series: Float[Array, " h"], tau: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Values of a series at instants.
+
+    Args:
+        series: mean, cosines and sines.
+        tau: [rad] time over a revolution.
+    """
+    cosine, sine = _waves_of(series)
+    angle = jnp.arange(1, cosine.size + 1) * tau[:, None]
+    return series[0] + jnp.cos(angle) @ cosine + jnp.sin(angle) @ sine
 
 
 def _spectra(series: dict[str, Float[Array, " h"]]) -> dict[str, Float[Array, " n"]]:

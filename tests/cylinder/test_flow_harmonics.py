@@ -1,5 +1,6 @@
 """Harmonics of flows on panels, however wide these are."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,12 +8,15 @@ import pytest
 from reference_pipes import SPEED, crank, cylinder, suction_pipe
 from scipy.special import spherical_jn
 
-from jaxcomp import Status
+from jaxcomp import BadInput, Status
+from jaxcomp._core.fields import replaced
 from jaxcomp._core.polynomials import gauss
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.cylinder._cylinder import Pace, prepare
+from jaxcomp.cylinder._pulsation import Pulsation
 from jaxcomp.cylinder._quadrature import harmonics, quadrature, spherical_bessel
 from jaxcomp.cylinder._waves import sampled
+from jaxcomp.piping import Pipes
 
 
 @pytest.mark.parametrize("count", [4, 6, 10])
@@ -91,10 +95,50 @@ def test_samples_of_a_march():
         np.testing.assert_allclose(samples.at(jnp.asarray(tau)), exact, atol=1e-8)
 
 
-def test_the_first_size_resolves_a_quarter_wave():
+@pytest.fixture(scope="module")
+def quarter_wave():
+    return solve_cycle(cylinder(suction_pipe(0.9)), crank(), SPEED, CycleOptions())
+
+
+def test_the_first_size_resolves_a_quarter_wave(quarter_wave):
     """P2 of the reference; five times the panels, until flows were exact on wide ones."""
-    cycle = solve_cycle(cylinder(suction_pipe(0.9)), crank(), SPEED, CycleOptions())
+    cycle = quarter_wave
     assert cycle.status == Status.converged
     assert cycle.angle.size == CycleOptions().behind_pipes().panel_count * 6
     # two marches of two revolutions each: the second knows the waves
     assert int(cycle.revolutions) <= 4
+
+
+def test_pressure_at_a_place_of_a_pipe(quarter_wave):
+    pulsation = quarter_wave.pulsation
+    nodes = pulsation.series()
+    # as at the nodes where its ends are, counted from either of them
+    for distance, node in ((0.0, "flange"), (0.9, "far")):
+        for ends, place in ((("flange", "far"), distance), (("far", "flange"), 0.9 - distance)):
+            series = pulsation.series_in_pipe(*ends, place)
+            np.testing.assert_allclose(series, nodes[node], rtol=1e-10, atol=1e-8)
+    # as at a node that cuts the pipe there: the same waves and flows through another network
+    piping = pulsation.case.cylinder.suction.piping
+    chain = Pipes(("flange", "cut", "far"), [0.35, 0.55], 0.05, attenuation=0.02)
+    suction = replaced(pulsation.case.cylinder.suction, piping=replaced(piping, pipes=(chain,)))
+    machine = replaced(pulsation.case.cylinder, suction=suction)
+    case = eqx.tree_at(lambda case: case.cylinder, pulsation.case, machine)
+    at_cut = Pulsation(pulsation.waves, pulsation.flows, case).series()["cut"]
+    np.testing.assert_allclose(
+        pulsation.series_in_pipe("flange", "far", 0.35), at_cut, rtol=1e-10, atol=1e-8
+    )
+    with pytest.raises(BadInput, match=r"0\.9 m"):
+        pulsation.series_in_pipe("flange", "far", 1.0)
+    with pytest.raises(BadInput, match="flange-far"):
+        pulsation.series_in_pipe("flange", "line", 0.1)
+
+
+def test_status_of_waves_beyond_their_range(quarter_wave):
+    pulsation = quarter_wave.pulsation
+    assert pulsation.status == Status.converged
+    # three times the pressures: 17 % peak to peak
+    larger = pulsation.waves[0]._replace(pressure=3 * pulsation.waves[0].pressure)
+    loud = Pulsation((larger, None), pulsation.flows, pulsation.case)
+    assert loud.status == Status.large_pulsation
+    assert float(loud.linear_error) == pytest.approx(0.35 * float(loud.largest) ** 2)
+    assert "large_pulsation" in " ".join(loud.remarks)
