@@ -284,6 +284,6 @@ def test_derivatives_in_all_that_a_network_has():
     for place in range(point.size):
         step = jnp.zeros(point.size).at[place].set(1e-5 * point[place])
         difference = (figures(point + step) - figures(point - step)) / (2e-5 * point[place])
-        # seen: 4e-5 at most, of the small slope of the work by the spring. Panels are laid after marches
+        # seen: 4e-5 at most, of the small slope of the work by the speed. Panels are laid after marches
         # of their own, by which values of every difference move by 1e-10
         np.testing.assert_allclose(slopes[:, place], difference, rtol=1e-4)
