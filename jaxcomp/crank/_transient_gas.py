@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 
 from .._core.each import stacked
 from .._core.errors import BadInput
-from .._core.extremes import clip, maximum
+from .._core.extremes import maximum
 from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants, mechanisms_of
@@ -236,7 +236,7 @@ class CrankAndGas(AbstractLaw):
         """The gas at instants [s] with these states, and the acceleration of the crank [rad/s^2]."""
         # the flags of the step that an instant lies in: valves rest or move, and the motor is on or off
         row = jnp.searchsorted(marched.record.angle, time * self.pace, side="right") - 1
-        flags = marched.record.flags[clip(row, 0)]
+        flags = marched.record.flags[maximum(row, 0)]
         system = self.system
         some = self.system.cases.cylinder.plenums
 

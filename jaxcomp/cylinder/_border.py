@@ -447,7 +447,7 @@ class BorderEquations(AbstractEquations):
 
 
 def limited(before: Waves, change: Waves) -> Waves:
-    """Waves after a change, of which so much is followed as stays within a tenth of the line's pressure."""
+    """Waves after a change, of which is followed what stays within a tenth of the line's pressure."""
     largest = jnp.zeros(())
     for side in change:
         if side is not None:
