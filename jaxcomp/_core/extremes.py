@@ -7,11 +7,66 @@ without a word (jax-ml/jax issue 40564). Here the operands are compared with eac
 decides only between numbers that are as good as equal.
 """
 
+from collections.abc import Callable
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike
+
+
+def _of_two(choose: Callable, is_first: Callable) -> Callable:
+    """A choice between two numbers, whose derivative follows from their comparison."""
+
+    @jax.custom_jvp
+    def extreme(a, b):
+        return choose(a, b)
+
+    @extreme.defjvp
+    def _(primals, tangents):
+        return extreme(*primals), jnp.where(is_first(*primals), *tangents)
+
+    def of_numbers(a: ArrayLike, b: ArrayLike) -> Array:
+        dtype = jnp.result_type(a, b)
+        if not jnp.issubdtype(dtype, jnp.floating):
+            return choose(a, b)
+        return extreme(jnp.asarray(a, dtype), jnp.asarray(b, dtype))
+
+    return of_numbers
+
+
+def _of_many(choose: Callable, place_of: Callable) -> Callable:
+    """A choice among numbers along an axis, whose derivative is that of the number at its place."""
+
+    @partial(jax.custom_jvp, nondiff_argnums=(1,))
+    def extreme(values, axis):
+        return choose(values, axis)
+
+    @extreme.defjvp
+    def _(axis, primals, tangents):
+        (values,) = primals
+        (tangent,) = tangents
+        return extreme(values, axis), _at_place(tangent, place_of(values, axis), axis)
+
+    def of_array(values: Array, axis: int | None) -> Array:
+        if not jnp.issubdtype(values.dtype, jnp.floating):
+            return choose(values, axis)
+        return extreme(values, axis)
+
+    return of_array
+
+
+def _at_place(tangent, place, axis: int | None):
+    """The tangent at a place along an axis."""
+    if axis is None:
+        return tangent.ravel()[place]
+    return jnp.take_along_axis(tangent, jnp.expand_dims(place, axis), axis).squeeze(axis)
+
+
+_larger = _of_two(jnp.maximum, jnp.greater_equal)
+_smaller = _of_two(jnp.minimum, jnp.less_equal)
+_largest = _of_many(jnp.max, jnp.argmax)
+_smallest = _of_many(jnp.min, jnp.argmin)
 
 
 def maximum(a: ArrayLike, b: ArrayLike) -> Array:
@@ -21,10 +76,7 @@ def maximum(a: ArrayLike, b: ArrayLike) -> Array:
         a: a number or an array.
         b: likewise, of a shape that broadcasts.
     """
-    dtype = jnp.result_type(a, b)
-    if not jnp.issubdtype(dtype, jnp.floating):
-        return jnp.maximum(a, b)
-    return _maximum(jnp.asarray(a, dtype), jnp.asarray(b, dtype))
+    return _larger(a, b)
 
 
 def minimum(a: ArrayLike, b: ArrayLike) -> Array:
@@ -34,10 +86,7 @@ def minimum(a: ArrayLike, b: ArrayLike) -> Array:
         a: a number or an array.
         b: likewise, of a shape that broadcasts.
     """
-    dtype = jnp.result_type(a, b)
-    if not jnp.issubdtype(dtype, jnp.floating):
-        return jnp.minimum(a, b)
-    return _minimum(jnp.asarray(a, dtype), jnp.asarray(b, dtype))
+    return _smaller(a, b)
 
 
 def clip(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
@@ -58,8 +107,6 @@ def max_of(values: Array, axis: int | None = None) -> Array:
         values: an array.
         axis: over which; over all for `None`.
     """
-    if not jnp.issubdtype(values.dtype, jnp.floating):
-        return jnp.max(values, axis)
     return _largest(values, axis)
 
 
@@ -70,59 +117,4 @@ def min_of(values: Array, axis: int | None = None) -> Array:
         values: an array.
         axis: over which; over all for `None`.
     """
-    if not jnp.issubdtype(values.dtype, jnp.floating):
-        return jnp.min(values, axis)
     return _smallest(values, axis)
-
-
-@jax.custom_jvp
-def _maximum(a, b):
-    return jnp.maximum(a, b)
-
-
-@_maximum.defjvp
-def _maximum_jvp(primals, tangents):
-    a, b = primals
-    return _maximum(a, b), jnp.where(a >= b, *tangents)
-
-
-@jax.custom_jvp
-def _minimum(a, b):
-    return jnp.minimum(a, b)
-
-
-@_minimum.defjvp
-def _minimum_jvp(primals, tangents):
-    a, b = primals
-    return _minimum(a, b), jnp.where(a <= b, *tangents)
-
-
-@partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _largest(values, axis):
-    return jnp.max(values, axis)
-
-
-@_largest.defjvp
-def _largest_jvp(axis, primals, tangents):
-    (values,) = primals
-    (tangent,) = tangents
-    return _largest(values, axis), _at_place(tangent, jnp.argmax(values, axis), axis)
-
-
-@partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _smallest(values, axis):
-    return jnp.min(values, axis)
-
-
-@_smallest.defjvp
-def _smallest_jvp(axis, primals, tangents):
-    (values,) = primals
-    (tangent,) = tangents
-    return _smallest(values, axis), _at_place(tangent, jnp.argmin(values, axis), axis)
-
-
-def _at_place(tangent, place, axis: int | None):
-    """The tangent at a place along an axis."""
-    if axis is None:
-        return tangent.ravel()[place]
-    return jnp.take_along_axis(tangent, jnp.expand_dims(place, axis), axis).squeeze(axis)

@@ -310,8 +310,8 @@ class Orbit(Result, eqx.Module):
     def largest(self, values: Float[Array, " n"]) -> Float[Array, ""]:
         """Largest value over the revolution of a quantity that is known at the nodes.
 
-        That of the panel polynomials, as for `peak_forces`: the nodes themselves miss what is largest
-        at a kink. Nodes of no weight do not count.
+        That of the panel polynomials: the nodes themselves miss what is largest at a kink. Nodes of no
+        weight do not count. The size of a vector is no polynomial; `peak_forces` are of the components.
 
         Args:
             values: at the nodes, (n,), in any unit.

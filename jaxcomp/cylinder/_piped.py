@@ -33,9 +33,6 @@ class PipedLines(AbstractLines):
     def marched(self, system, waves):
         return system.with_waves(waves).with_samples()
 
-    def march_tolerance(self, options, number):
-        return options.march_tolerance_of(number)
-
     def solve(self, system, mesh, z, waves, options):
         equations = BorderEquations(system, mesh, fixed_responses(system, waves))
         start = Both(z, waves)

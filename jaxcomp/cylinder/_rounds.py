@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Int
 
 from .._core.extremes import min_of
 from ._balance import EVENTS, FLAGS, Accounts
@@ -83,10 +83,6 @@ class AbstractLines(eqx.Module):
         """The cylinders of a march."""
 
     @abstractmethod
-    def march_tolerance(self, options: CycleOptions, number) -> Float[Array, ""]:
-        """[-] Error of a step of the march of a round."""
-
-    @abstractmethod
     def solve(
         self, system: Cylinders, mesh: Mesh, z: Unknowns, waves, options: CycleOptions
     ) -> tuple[Unknowns, Any, NewtonReport]:
@@ -119,9 +115,6 @@ class ConstantLines(AbstractLines):
 
     def marched(self, system, waves):
         return system
-
-    def march_tolerance(self, options, number):
-        return options.march_tolerance_of(number)
 
     def solve(self, system, mesh, z, waves, options):
         equations = PanelEquations(system, mesh)
@@ -156,7 +149,7 @@ def rounds_of(
     def advance(carry):
         state, flags, waves, watched, previous, rounds = carry
         ready = rounds < 0
-        tolerance = lines.march_tolerance(options, rounds)
+        tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
         is_marched = ~(previous.solved | ready)
         end = march(

@@ -462,6 +462,5 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
 def _sizes(model, loads, speeds) -> np.ndarray:
     """[m] Largest displacement at each speed [rad/s]."""
     response = respond(model, loads, jnp.asarray(speeds))
-    return np.asarray(
-        max_of(max_of(jnp.abs(response.displacement[0]), axis=-1), axis=-1)
-    )  # of order 1
+    of_first_order = jnp.abs(response.displacement[0])
+    return np.asarray(max_of(max_of(of_first_order, axis=-1), axis=-1))
