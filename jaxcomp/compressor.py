@@ -16,11 +16,13 @@ from ._core.errors import BadInput, no_machine
 from ._core.extremes import max_of, maximum, min_of
 from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, replaced, subparts
 from .crankshaft import Crankshaft
-from .crankshaft.interface import MachineLoops, machine_loops
+from .crankshaft._loops import MachineLoops, machine_loops
 from .cylinder import Cylinder
-from .cylinder.interface import check_settings, pipings, ports_fit
+from .cylinder._cylinder import ports_fit
+from .cylinder._ends import check_settings
+from .cylinder._waves import pipings
 from .friction import AbstractFriction, JointLoads
-from .friction.interface import closed
+from .friction._loads import closed
 from .gas import AbstractGas, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed

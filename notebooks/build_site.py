@@ -26,6 +26,7 @@ from public_names import first_sentence, public_names
 
 from jaxcomp import scene
 from jaxcomp._core.registry import registered
+from jaxcomp.scene._explain import explained, part_places
 
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "out"
@@ -301,8 +302,8 @@ def _entries() -> str:
         "Every type of part with its entries; `jaxcomp explain TYPE` prints the same. "
         "Numbers are typed with any unit of the dimension of the one that is shown.\n",
     ]
-    kinds = dict.fromkeys(places.kind for places in scene.interface.part_places().values())
-    for part in (part for kind in kinds for part in scene.interface.explained(kind)):
+    kinds = dict.fromkeys(places.kind for places in part_places().values())
+    for part in (part for kind in kinds for part in explained(kind)):
         places = ", ".join(f"`{place}`" for place in part.places)
         lines += [
             f"## {part.kind} in `{part.places[0]}`\n",

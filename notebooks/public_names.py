@@ -29,8 +29,6 @@ def _of_module(path, name):
     for node in ast.parse(listed.read_text("utf-8")).body:
         if isinstance(node, ast.ImportFrom) and node.level == 1 and not node.module:
             for one in node.names:
-                if one.name == "interface":  # what only neighbouring packages take
-                    continue
                 inner = path / one.name
                 found |= _of_module(
                     inner if inner.is_dir() else inner.with_suffix(".py"), f"{name}.{one.name}"

@@ -306,11 +306,10 @@ class Plots:
         plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
         functions = {}
         kind = type(self._result)
-        for name, function in {**vars(plot), **vars(plot.interface)}.items():
-            if inspect.isfunction(function):
-                for parameter in inspect.signature(function).parameters.values():
-                    if kind in (parameter.annotation, *get_args(parameter.annotation)):
-                        functions[name] = function, parameter.name
+        for name, function in plot.drawings().items():
+            for parameter in inspect.signature(function).parameters.values():
+                if kind in (parameter.annotation, *get_args(parameter.annotation)):
+                    functions[name] = function, parameter.name
         return functions
 
     def __getattr__(self, name: str) -> Any:

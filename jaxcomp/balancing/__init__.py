@@ -3,7 +3,6 @@
 `jaxcomp.scene.measurements` reads the coefficients from a table of measured vibration.
 """
 
-from . import interface as interface
 from ._amplitudes import amplitude_influence as amplitude_influence
 from ._amplitudes import balance_each as balance_each
 from ._balance import Balance as Balance

@@ -16,7 +16,8 @@ from .._core.extremes import clip
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..mechanism import SliderCrank
 from ..rotor import BalancingPlanes, RotorModel, Unbalances
-from ..rotor.interface import Node, node_positions, shaft_mass, subset_names, subsets
+from ..rotor._model import node_positions, subset_names, subsets
+from ..rotor._shaft import Node, shaft_mass
 from ._balance import Balance
 from ._influence import Influence
 from ._least_squares import predicted

@@ -24,9 +24,9 @@ from .._core.words import one_of
 from ..crank import Collocation
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, PeriodicForce, RotorModel, Unbalances, receptance
-from ..rotor.interface import load_vector, nodal_load
+from ..rotor._loads import load_vector, nodal_load
 from ..vibration import crank_loads, running_rotor
-from ..vibration.interface import CrankLoads
+from ..vibration._coupling import CrankLoads
 
 
 class InfluenceRow(NamedTuple):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from itertools import chain
 from operator import attrgetter
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import jaxcomp as jc
 
@@ -15,6 +15,9 @@ from ._arguments import changed_scene
 from ._output import Output, Partial
 from ._start import quick_compiles, refuse
 from ._tables import Markup, column_table, row_table
+
+if TYPE_CHECKING:
+    from ..study.accuracy._report import Measurement
 
 Study = Literal[
     "orbit", "quantities", "gradient", "response", "film", "cycle", "extremes",
@@ -58,6 +61,7 @@ def accuracy(
         error: Relative error for which the cheapest setting is named.
         thorough: All methods and settings; takes several times as long.
     """
+
     refuse(not 0 < error < 1, f"--error {error:g}: must be > 0 and < 1")
     without = f"has no meaning with --study {study}"
     unused = excitation is not None and study in _WITHOUT_EXCITATION
@@ -85,10 +89,16 @@ def accuracy(
 
         if study == "extremes":
             extremes = work_precision.extremes(scene, None, progress)
+
+            def pictures():
+                from ..plot._accuracy import extreme_errors
+
+                return {"extremes": extreme_errors(extremes)}
+
             shown = (
                 extremes,
                 lambda _: extremes_tables(extremes),
-                lambda: {"extremes": jc.plot.interface.extreme_errors(extremes)},
+                pictures,
             )
         else:
             if variable is None and study == "gradient" and quantity not in _FILM:
@@ -96,10 +106,16 @@ def accuracy(
             options = {"variable": variable, "excitation": excitation, "thorough": thorough}
             options |= {"progress": progress, "keep": keep, "error": error}
             report = work_precision.accuracy(scene, quantity, study, **options)
+
+            def pictures():
+                from ..plot._accuracy import accuracy_figures
+
+                return accuracy_figures(report, error)
+
             shown = (
                 report,
                 lambda _: accuracy_tables(report, error),
-                lambda: jc.plot.interface.accuracy_figures(report, error),
+                pictures,
             )
     partial.finish()
     output.emit(*shown, scene)
@@ -280,7 +296,7 @@ def _times(ratio: float) -> str:
     return f"{float(f'{ratio:.3g}'):,.6g}x"
 
 
-def _error(report: jc.study.accuracy.Report, row: jc.study.accuracy.interface.Measurement) -> str:
+def _error(report: jc.study.accuracy.Report, row: Measurement) -> str:
     if not math.isfinite(row.error):
         return "failed"
     floor = report.floor(row)

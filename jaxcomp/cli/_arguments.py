@@ -50,7 +50,7 @@ def with_one_unit(parts: Sequence[str]) -> list[str]:
     >>> with_one_unit(["60", "80mm"])
     ['60 mm', '80mm']
     """
-    from ..scene.interface import NUMBER
+    from ..scene._text import NUMBER
 
     parts = [part.strip() for part in parts]
     number = re.match(rf"{NUMBER}\s*", parts[-1])
@@ -85,6 +85,8 @@ def changed_scene(
     Numbers that `varied`, texts such as "mechanism.bore.2=1mm", names for single cylinders become
     lists over the cylinders.
     """
+    from ..scene._change import with_lists
+
     texts = {**assignments(sets, "--set"), **assignments(designs, "--design")}
     changes = {path: entry(text) for path, text in texts.items()}
     scene = jc.scene.load(name_or_path)
@@ -92,24 +94,28 @@ def changed_scene(
     if changes:
         scene = jc.scene.with_values(scene, changes, "set on the command line")
     names = (text.partition("=")[0].strip() for text in varied or ())
-    return jc.scene.interface.with_lists(scene, names)
+    return with_lists(scene, names)
 
 
 def si(
     text: str, unit: str, option: str, difference: bool = False, default_unit: str | None = None
 ) -> float:
     """[SI] A number of the command line, or a difference of two; bare ones have the default unit."""
+    from ..scene._units import to_si
+
     if not text:
         raise jc.scene.SceneError(option, "lacks a value")
     number = entry(text)
     if number is None:
         number = text  # so that the message names the word `none`
-    return float(jc.scene.interface.to_si(number, unit, option, default_unit, difference))
+    return float(to_si(number, unit, option, default_unit, difference))
 
 
 def value_of(name: str, text: str, option: str) -> float:
     """[SI] A value of a quantity."""
-    quantity = jc.study.interface.quantity_named(name)
+    from ..study._analysis import quantity_named
+
+    quantity = quantity_named(name)
     value = si(text, quantity.unit, option)
     if quantity.percent and abs(value) > _LARGEST_SHARE:
         raise CommandError(f'{option}: {text} would be {100 * value:g} %; is "{text} %" meant?')
@@ -142,8 +148,10 @@ def bounds_of(
 def speed_of(text: str, option: str) -> float:
     """[rad/s] A speed of the command line."""
     # there a frequency of rotation can be nothing but a speed
+    from ..scene._units import to_si
+
     text = re.sub(r"\s*hz\s*$", " turn/s", text.strip(), flags=re.IGNORECASE)
-    value = float(jc.scene.interface.to_si(text, "rad/s", option))
+    value = float(to_si(text, "rad/s", option))
     refuse(value < 0, f"{option}: must be >= 0 rad/s")
     return value
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -23,6 +23,9 @@ from ._output import Output
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
 from ._tables import column_table, percent_text, row_table
+
+if TYPE_CHECKING:
+    from ..balancing._influence import Influence
 
 # [-] Of the vibration before: what is left below this is rounding.
 _NOTHING = 1e-9
@@ -70,7 +73,7 @@ class Objective:
             "--limit: takes no --method, --tikhonov or --weight beside it",
         )
 
-    def met(self, part: jc.balancing.interface.Influence) -> jc.balancing.Balance:
+    def met(self, part: Influence) -> jc.balancing.Balance:
         """The balance of the chosen part of a system."""
         import numpy as np
 
@@ -124,9 +127,7 @@ class Setting:
             "--radius: needs --places or --remove beside it",
         )
 
-    def with_trials_left_on(
-        self, influence: jc.balancing.interface.Influence
-    ) -> jc.balancing.interface.Influence:
+    def with_trials_left_on(self, influence: Influence) -> Influence:
         """The system with the trial weights on that stay on."""
         if self.left_on is None:
             return influence
@@ -141,23 +142,23 @@ class Setting:
             weights[plane] = weights.get(plane, 0) + complex(trials.weight[number])
         return jc.balancing.with_weights(influence, weights)
 
-    def runs_left_on(self, influence: jc.balancing.interface.Influence) -> list[str]:
+    def runs_left_on(self, influence: Influence) -> list[str]:
         """Names of the runs whose trial weights stay on."""
         names = names_of(self.left_on) or []
         if names == ["all"] and influence.trials is not None:
             return list(influence.trials.runs)
         return names
 
-    def method(self, part: jc.balancing.interface.Influence, objective: Objective) -> Any:
+    def method(self, part: Influence, objective: Objective) -> Any:
         """The method of balancing that sets weights where they can go."""
+        from ..balancing._places import as_weights
+
         removed = self._removed(part)
         radii = self._radii(part)
         if self.places is None:
             if not removed and self.radius is None:
                 return objective.met
-            return lambda system: jc.balancing.interface.as_weights(
-                objective.met(system), radii, removed
-            )
+            return lambda system: as_weights(objective.met(system), radii, removed)
         largest = math.inf
         if self.each is not None:
             largest = self._mass(part, self.each, "--each", radii)
@@ -183,7 +184,7 @@ class Setting:
             most_weights=self.most_weights,
         )
 
-    def _removed(self, part: jc.balancing.interface.Influence) -> tuple[str, ...]:
+    def _removed(self, part: Influence) -> tuple[str, ...]:
         """Planes in which mass is taken off."""
         names = names_of(self.remove) or []
         if names == ["all"]:
@@ -193,7 +194,7 @@ class Setting:
             refuse_unknown(f"--remove {name}", name, part.planes, kind)
         return tuple(names)
 
-    def _radii(self, part: jc.balancing.interface.Influence) -> dict[str, float]:
+    def _radii(self, part: Influence) -> dict[str, float]:
         """[m] Radii that are given by plane."""
         if self.radius is None:
             return {}
@@ -214,7 +215,7 @@ class Setting:
         return radii
 
     def _stock(
-        self, part: jc.balancing.interface.Influence, radii: dict[str, float]
+        self, part: Influence, radii: dict[str, float]
     ) -> tuple[list[float], list[int] | None]:
         """Masses of the stock, and how many there are of each; `None` for any number."""
         masses = []
@@ -235,7 +236,7 @@ class Setting:
 
     def _mass(
         self,
-        part: jc.balancing.interface.Influence,
+        part: Influence,
         text: str,
         option: str,
         radii: dict[str, float],
@@ -314,6 +315,7 @@ def balance(
         without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
         measured: CSV of an initial run and one run with a trial weight per plane.
     """
+
     refuse(
         (machine is None) == (measured is None),
         "balance: needs either a machine or --measured FILE",
@@ -360,10 +362,16 @@ def balance(
     metadata = {"machine": name, "version": version("jaxcomp"), "excitation": shaken_by}
     if setting.left_on is not None:
         metadata["left_on"] = setting.runs_left_on(influence)
+
+    def pictures():
+        from ..plot._vibration import balance_figures
+
+        return balance_figures(solution, name)
+
     output.emit(
         solution,
         balance_tables,
-        lambda: jc.plot.interface.balance_figures(solution, name),
+        pictures,
         scene,
         {"balance": solution.columns},
         f"Report, pictures, curves{', machine file' if machine else ''} and result",
@@ -376,9 +384,7 @@ def _listed(text: str) -> list[str]:
     return [entry.strip() for entry in text.split(",") if entry.strip()]
 
 
-def _angles(
-    part: jc.balancing.interface.Influence, texts: Sequence[str]
-) -> dict[str, Sequence[float]]:
+def _angles(part: Influence, texts: Sequence[str]) -> dict[str, Sequence[float]]:
     """[rad] Angles of the places by plane."""
     angles: dict[str, Sequence[float]] = {}
     for text in texts:
@@ -421,9 +427,7 @@ def _speeds(scene: jc.scene.Scene, speeds: str | None):
     return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene))
 
 
-def _weighted(
-    part: jc.balancing.interface.Influence, texts: Sequence[str] | None
-) -> jc.balancing.interface.Influence:
+def _weighted(part: Influence, texts: Sequence[str] | None) -> Influence:
     """The system with the weights of `--weight` on its readings."""
     targets = sorted({row.target for row in part.rows})
     weights = {}
@@ -434,10 +438,12 @@ def _weighted(
     return jc.balancing.select(part, weights=weights)
 
 
-def _largest(part: jc.balancing.interface.Influence, text: str) -> Any:
+def _largest(part: Influence, text: str) -> Any:
     """[kg m] A bound of all corrections, or of those that are named."""
+    from ..scene._units import to_si
+
     if "=" not in text:
-        return float(jc.scene.interface.to_si(text, part.trial, "--largest"))
+        return float(to_si(text, part.trial, "--largest"))
     bounds = {}
     for plane, bound in assignments(list(map(str.strip, text.split(","))), "--largest").items():
         kind = "correction plane of this balance"
@@ -446,11 +452,13 @@ def _largest(part: jc.balancing.interface.Influence, text: str) -> Any:
     return bounds
 
 
-def _limit(part: jc.balancing.interface.Influence, text: str) -> float:
+def _limit(part: Influence, text: str) -> float:
     """The limit in the unit of the vibration; a bare number where that is of no known unit."""
+    from ..scene._units import to_si
+
     unit = "m" if part.unit in ("um", "µm") else part.unit
     with suppress(jc.scene.SceneError):
-        return float(jc.scene.interface.to_si(text, unit, "--limit"))
+        return float(to_si(text, unit, "--limit"))
     with suppress(ValueError):
         return float(text)
     raise CommandError(f"--limit {text}: must be a vibration in {part.unit}")

@@ -69,9 +69,11 @@ class Bush:
 
     def si(self, units: Mapping[str, str]) -> dict[str, float]:
         """[SI] The options that are given, of those with a unit."""
+        from ..scene._units import to_si
+
         texts = ((name, getattr(self, name.replace("-", "_"))) for name in units)
         return {
-            name: float(jc.scene.interface.to_si(text, units[name], f"--{name}"))
+            name: float(to_si(text, units[name], f"--{name}"))
             for name, text in texts
             if text is not None
         }
@@ -111,6 +113,7 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
         between: Between the points of the table: a periodic cubic spline, or straight lines.
         period: Of the table, such as '720 deg'; if absent, the whole revolutions that hold it.
     """
+
     refuse(
         bush.load is None and bush.loads is None,
         "Missing option '--load', or '--loads' with a table",
@@ -144,10 +147,16 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
         return
     with waiting("Solving the film (the first time it is compiled as well) ..."):
         steady_state = jc.film.steady_bearing(part, quantities["load"], quantities["speed"])
+
+    def pictures():
+        from ..plot._bearings import film_figures
+
+        return film_figures(steady_state, bush.model)
+
     output.emit(
         steady_state,
         bearing_tables,
-        lambda: jc.plot.interface.film_figures(steady_state, bush.model),
+        pictures,
         written="Report, pictures and result",
         metadata={"model": bush.model},
     )
@@ -253,10 +262,16 @@ def _loaded(
     part = _part(quantities, model, bush.lands, contact)
     with waiting("Solving the orbit (the first time it is compiled as well) ..."):
         orbit = loaded_journal(part, table, quantities["speed"], **shares)
+
+    def pictures():
+        from ..plot._bearings import loaded_journal_figures
+
+        return loaded_journal_figures(orbit)
+
     output.emit(
         orbit,
         lambda result: loaded_tables(orbit, result),
-        lambda: jc.plot.interface.loaded_journal_figures(orbit),
+        pictures,
         curves={"orbit": orbit.columns},
         written="Report, pictures, orbit.csv and result.json",
         metadata={"model": model, "loads": str(loads)},

@@ -52,6 +52,7 @@ def error_result(file: str, errors: Sequence[jc.scene.SceneError]) -> dict[str, 
 
 def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
     """Parts, what follows from them, commands for the scene, what it leaves out, unusual values."""
+    from ..scene._describe import left_out
     from ..scene.contents import example_values, part_contents
     from ..scene.follows import follows
 
@@ -64,7 +65,7 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
         "examples": example_values(scene),
         "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in follows(scene)],
         "commands": _commands(scene),
-        "left_out": list(jc.scene.interface.left_out(scene)),
+        "left_out": list(left_out(scene)),
         "unusual": list(jc.scene.implausible_values(scene)),
     }
 

@@ -44,6 +44,7 @@ def compare(
         quantity (NAME): Show this quantity and the dimensions alone, e.g. cop or peak_force.crank_pin.
             Repeatable.
     """
+
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
     refuse(variants and len(machines) > 1, "--with: is for one machine alone")
@@ -55,10 +56,16 @@ def compare(
         {"label": label, "machine": scene.name, "file": scene.file}
         for label, scene in scenes.items()
     ]
+
+    def pictures():
+        from ..plot._designs import compared_figures
+
+        return compared_figures(comparison)
+
     output.emit(
         comparison,
         lambda _: [comparison_table(comparison)],
-        lambda: jc.plot.interface.compared_figures(comparison),
+        pictures,
         written="Report, pictures and result",
         metadata={"machines": machines_used, "set": list(sets or ())},
     )
@@ -104,6 +111,7 @@ def sensitivity(
         rows: Rows of each table; JSON and CSV have every number.
         verify: State the error of every change, by a second solution with more nodes on every panel.
     """
+
     scene = case.scene(once=True)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():
@@ -113,10 +121,16 @@ def sensitivity(
         raise CommandError(
             f"{case.machine}: is not solved, so that it has no derivatives; `jaxcomp run` says why"
         )
+
+    def pictures():
+        from ..plot._designs import sensitivity_figures
+
+        return sensitivity_figures(sensitivities, scene.name)
+
     output.emit(
         sensitivities,
         lambda _: sensitivity_tables(sensitivities, rows),
-        lambda: jc.plot.interface.sensitivity_figures(sensitivities, scene.name),
+        pictures,
         scene,
         {"sensitivity": sensitivities.columns},
         metadata={"machine": scene.name},

@@ -11,7 +11,7 @@ import numpy as np
 import jaxcomp as jc
 
 from .._core.each import of_cylinder
-from ..cylinder.interface import SeveralCycles
+from ..cylinder._several import SeveralCycles
 
 _TURN = 2 * np.pi
 # Words behind the names of the columns of a head end and of a crank end.
@@ -54,8 +54,10 @@ def _on_grid(
     state: jc.study.SteadyState, columns: dict[str, Any], nodes: np.ndarray, angle: np.ndarray
 ) -> dict[str, Any]:
     """Columns at other angles: what the laws of the machine give there, the rest from node to node."""
+    from ..plot._fine import fine_turn
+
     orbit = state.orbit
-    turn = jc.plot.interface.fine_turn(state.compressor, orbit, angle)
+    turn = fine_turn(state.compressor, orbit, angle)
     laws = {
         "speed [rad/s]": turn.state.speed,
         "acceleration [rad/s^2]": turn.state.acceleration,

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.table import Table
@@ -24,6 +24,9 @@ from ._output import show_results
 from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
 from ._units import results_schema
+
+if TYPE_CHECKING:
+    from ..scene._explain import Explained
 
 # Titles of the schemas that `schema` writes.
 _SCHEMAS = ("A machine for jaxcomp", "Results of jaxcomp")
@@ -55,6 +58,8 @@ def new(
         machine (MACHINE): Bundled machine or machine file to start from, with its numbers.
         force: Write over a file.
     """
+    from ..scene._annotated import start_from
+
     to_screen = str(file) == "-"
     refuse(not to_screen and file.suffix != ".toml", f"{file}: must end in .toml")
     would_overwrite = not to_screen and file.exists() and not force
@@ -65,7 +70,7 @@ def new(
         has_crank = kind != "rotor"
     else:
         scene = jc.scene.load(machine)
-        text = jc.scene.interface.start_from(scene, name)
+        text = start_from(scene, name)
         has_crank = scene.compressor is not None
     if to_screen:
         typer.echo(text, nl=False)
@@ -91,10 +96,12 @@ def upgrade(
         out (FILE): Write there, and leave the file as it is.
         force: Write over another file.
     """
+    from ..scene._upgrade import upgraded
+
     refuse(not file.is_file(), f"{file}: cannot be read: no such file")
     text = file.read_text(encoding="utf-8")
     try:
-        upgraded_text = jc.scene.interface.upgraded(text)
+        upgraded_text = upgraded(text)
     except ValueError as error:
         raise CommandError(f"{file}: {error}") from None
     if upgraded_text == text:
@@ -267,11 +274,13 @@ def explain(
     Args:
         part: Type of a part, or name of a section; all types if left out.
     """
+    from ..scene._explain import explained
+
     if part is None:
         rows, table = _parts()
         show_results({"parts": rows}, [table], as_json)
         return
-    explanations = jc.scene.interface.explained(part)
+    explanations = explained(part)
     lines = [] if as_json else chain.from_iterable(map(_explained_lines, explanations))
     show_results({"word": part, "parts": explanations}, lines, as_json)
 
@@ -318,11 +327,12 @@ def _schema_title(file: Path) -> str:
 
 def _parts() -> tuple[list[dict[str, Any]], Table]:
     """Every kind of part."""
-    from ..scene.interface import summary
+    from ..scene._annotated import summary
+    from ..scene._explain import part_places
 
     parts = []
     rows = []
-    for part, where in jc.scene.interface.part_places().items():
+    for part, where in part_places().items():
         meaning = summary(part)
         parts.append({"kind": where.kind, "places": where.titles, "summary": meaning})
         rows.append((where.kind, ", ".join(where.titles), meaning))
@@ -330,7 +340,7 @@ def _parts() -> tuple[list[dict[str, Any]], Table]:
     return parts, _word_table("Parts of a machine file", heads, rows)
 
 
-def _explained_lines(explanation: jc.scene.interface.Explained) -> list[Table | Text]:
+def _explained_lines(explanation: Explained) -> list[Table | Text]:
     """Lines on a part: its meaning, where it may stand, its entries, and how it is typed."""
     rows = []
     for entry in explanation.entries:

@@ -25,7 +25,8 @@ _QUALITIES = {
 def list_fluids() -> tuple[dict[str, Any], list[Table]]:
     """All pure fluids, and the blends of ASHRAE 34 that can be computed."""
     from ..fluid import fluids
-    from ..fluid.interface import fluid_data, usable_blends
+    from ..fluid._blends import usable_blends
+    from ..fluid._helmholtz import fluid_data
 
     start_jax()
     keys = ("name", "description", "source", "licence")
@@ -58,7 +59,9 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
         CommandError: an unknown name.
     """
     from ..fluid import fluids
-    from ..fluid.interface import blends, fluid_data, fluid_named
+    from ..fluid._blends import blends
+    from ..fluid._helmholtz import fluid_data
+    from ..fluid.real_gas import fluid_named
 
     start_jax()
     if name not in fluids() and name not in blends():
@@ -97,7 +100,8 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
 def blend_entry(name: str) -> dict[str, Any]:
     """Composition, class, glide at 0 degC, range of the lines and pairs of a blend."""
     from ..fluid import Mixture
-    from ..fluid.interface import blends, pairs_of, without_equation
+    from ..fluid._blends import blends, without_equation
+    from ..fluid._multi_fluid import pairs_of
 
     blend = blends()[name]
     entry: dict[str, Any] = {

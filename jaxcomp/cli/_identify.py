@@ -141,8 +141,10 @@ def identify(
     scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
     data_sets = polynomials.read(data, scene, method)
+    from ..study.identification._readings import with_own_factors
+
     if own_factors:
-        data_sets = jc.study.interface.with_own_factors(data_sets)
+        data_sets = with_own_factors(data_sets)
     if vary:
         bounds = _bounds(scene, vary)
         priors = {}
@@ -169,10 +171,15 @@ def identify(
         if prediction is not None:
             yield from prediction_tables(prediction)
 
+    def pictures():
+        from ..plot._identified import identification_figures
+
+        return identification_figures(identification, scene.name)
+
     output.emit(
         identification,
         tables,
-        lambda: jc.plot.interface.identification_figures(identification, scene.name),
+        pictures,
         identified_scene(scene, identification),
         curves,
         files=lambda: {
@@ -301,20 +308,24 @@ def prediction_tables(predicted) -> Iterator[Any]:
 
 def _by_recipe(scene, data_sets):
     """The scene of a similar machine of the right size, what is varied of it, and priors."""
+    from ..scene._change import with_machine
+
     maps = [data_set for data_set in data_sets if isinstance(data_set, jc.study.Readings)]
     refuse(not maps, "--vary: is missing; only a map can do without")
     recipe = jc.study.map_recipe(scene, maps)
     source = f"similar to {scene.name}, of the size that the flow wants"
-    return jc.scene.interface.with_machine(scene, recipe.machine, source), recipe.vary, recipe.prior
+    return with_machine(scene, recipe.machine, source), recipe.vary, recipe.prior
 
 
 def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
+    from ..study.identification._common_factor import varied
+
     out = {}
     for text in texts:
         name, equals, range_text = (part.strip() for part in text.partition("="))
         low, colon, high = range_text.partition(":")
         refuse(equals and not colon, f"--vary {text}: must be PATH or PATH=LO:HI")
-        unit = jc.study.interface.varied(scene.machine, name).unit
+        unit = varied(scene.machine, name).unit
         out[name] = None
         if equals:
             out[name] = (si(low, unit, f"--vary {name}"), si(high, unit, f"--vary {name}"))
@@ -322,11 +333,13 @@ def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
 
 
 def _priors(scene, texts) -> dict[str, tuple[float, float]]:
+    from ..study.identification._common_factor import varied
+
     out = {}
     for name, prior_text in assignments(texts, "--prior").items():
         mean, sign, width = prior_text.partition("+-")
         refuse(not sign, f"--prior {name}={prior_text}: must be PATH=VALUE+-SD")
-        unit = jc.study.interface.varied(scene.machine, name).unit
+        unit = varied(scene.machine, name).unit
         option = f"--prior {name}"
         # a width is a difference: of a temperature in degrees Celsius no zero is taken off it
         out[name] = (si(mean.strip(), unit, option), si(width.strip(), unit, option, True))

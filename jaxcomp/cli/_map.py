@@ -58,6 +58,7 @@ def rating_map(
         form: Of the file of coefficients: CSV as in AHRI 540 and EN 12900, objects of EnergyPlus,
             or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
+
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     from ..scene.map_files import FORMATS, polynomial_text, rating_metadata
 
@@ -94,10 +95,16 @@ def rating_map(
         files[FORMATS[form]] = polynomial_text(
             maps, int(coefficients), metadata, form, scene.as_compressor()
         )
+
+    def pictures():
+        from ..plot._cylinder import rating_figures
+
+        return rating_figures(points, scene.name)
+
     output.emit(
         points,
         lambda _: map_tables(points, scene.name, glide_text(scene, points)),
-        lambda: jc.plot.interface.rating_figures(points, scene.name),
+        pictures,
         scene,
         {"map": lambda: _columns(points)},
         files=lambda: files,

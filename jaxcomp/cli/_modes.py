@@ -42,6 +42,7 @@ def modes(
         overdamped: Show modes with a damping above 70 % as well.
         undamped: Without damping.
     """
+
     if free and ":" in (speeds or ""):
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
     scene = case.scene(once=True)
@@ -55,10 +56,16 @@ def modes(
     diagram = rotor_modes.campbell
     if diagram is not None:
         curves["campbell"] = lambda: plain(diagram.columns())
+
+    def pictures():
+        from ..plot._rotor import rotor_modes_figures
+
+        return rotor_modes_figures(rotor_modes)
+
     output.emit(
         rotor_modes,
         lambda result: modes_tables(result, overdamped),
-        lambda: jc.plot.interface.rotor_modes_figures(rotor_modes),
+        pictures,
         scene,
         curves,
         metadata=header(scene) | case.changes,

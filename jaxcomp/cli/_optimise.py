@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,6 +20,9 @@ from ._arguments import assignments, bounds_of, changed_scene, si, value_of, wit
 from ._output import Output, Partial
 from ._start import refuse, start_jax, waiting
 from ._tables import bold, comparison_table, number_text, row_table
+
+if TYPE_CHECKING:
+    from ..study._problem import Problem
 
 # Status of the program where no design keeps the constraints.
 _NOT_FEASIBLE = 3
@@ -81,9 +84,11 @@ class SearchOptions:
     @property
     def maximised(self) -> bool | None:
         """Which way; a robust objective goes the way of what it is made of."""
+        from ..study._analysis import quantity_named
+
         if not self.scatter or self.maximise is not None:
             return self.maximise
-        better = jc.study.interface.quantity_named(self.objective).better
+        better = quantity_named(self.objective).better
         refuse(not better, "--maximise: is missing; the objective is not better in one direction")
         return better == "more"
 
@@ -128,6 +133,8 @@ def optimise(search: SearchOptions, output: Output) -> None:
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
+    from ..plot._optimise import optimum_figures
+
     search = search.checked()
     start_jax()
     begun = time.perf_counter()
@@ -141,10 +148,16 @@ def optimise(search: SearchOptions, output: Output) -> None:
         "seconds": time.perf_counter() - begun,
     }
     if isinstance(outcome, jc.study.ParetoFront):
+
+        def pictures():
+            from ..plot._optimise import pareto_front
+
+            return {"pareto": pareto_front(outcome)}
+
         output.emit(
             outcome,
             front_tables,
-            lambda: {"pareto": jc.plot.interface.pareto_front(outcome)},
+            pictures,
             scene,
             {"front": outcome.columns},
             "Report, picture, result and machine file",
@@ -158,10 +171,15 @@ def optimise(search: SearchOptions, output: Output) -> None:
     metadata["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
     scene, metadata["not_in_scene"] = jc.scene.optimised_scene(scene, outcome)
     design = "optimised machine" if outcome.feasible else "the machine of the nearest design"
+
+    def pictures():
+
+        return optimum_figures(outcome)
+
     output.emit(
         outcome,
         lambda result: optimum_tables(result, comparison),
-        lambda: jc.plot.interface.optimum_figures(outcome),
+        pictures,
         scene,
         {"designs": outcome.columns},
         f"Report, pictures, designs, result and {design}",
@@ -174,10 +192,12 @@ def optimise(search: SearchOptions, output: Output) -> None:
 # ------------------------------------------------------------------- the problem
 def _problem(
     search: SearchOptions, design: jc.machine.Machine, options: jc.AnalysisOptions
-) -> jc.study.interface.Problem:
+) -> Problem:
+    from ..study._variables import by_name
+
     range_texts = assignments(search.variables, "--variable")
     ranges = {}
-    for name, text in jc.study.interface.by_name(design, range_texts).items():
+    for name, text in by_name(design, range_texts).items():
         unit = jc.study.variable(design, name).unit
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore_at_displacement=100mm:160mm"
@@ -195,7 +215,7 @@ def _problem(
 
 
 def _searched(
-    search: SearchOptions, problem: jc.study.interface.Problem, out: Path | None
+    search: SearchOptions, problem: Problem, out: Path | None
 ) -> jc.study.Optimum | jc.study.ParetoFront:
     """Search for the best designs of a problem; progress is shown, and solved designs are kept."""
     import numpy as np

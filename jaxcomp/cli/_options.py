@@ -128,9 +128,11 @@ def analysis_options(
 
 def solver_of(text: str, compressor: jc.Compressor) -> Any:
     """The solver of the periodic state that `--solver` names."""
+    from ..crank._collocation import default_collocation
+
     name, _, tolerance = text.partition(":")
     if name == "collocation":
-        plain = jc.crank.interface.default_collocation(compressor)
+        plain = default_collocation(compressor)
         if not tolerance:
             return plain
         if tolerance.isdigit() and 3 <= int(tolerance) <= 64:

@@ -204,7 +204,7 @@ def result_files(
     """
     from .._core.results import csv_text
     from ..report import report
-    from ..report.interface import Provenance
+    from ..report._page import Provenance
     from ..scene import dump
 
     contents: dict[str, bytes] = {}
@@ -227,7 +227,7 @@ def result_files(
     # moving pictures have no hover and no zoom
     images = [name for name, figure in figures.items() if not isinstance(figure, bytes)]
     if images and find_spec("plotly"):
-        from ..plot.interface import interactive_page
+        from ..plot._interactive import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()
     page = report(result, tables, figures, scene, Provenance.of_this_process(command_line()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,9 @@ from ._output import Output
 from ._rotor import points_and_range, rotor_of
 from ._start import CommandError, refuse, waiting
 from ._tables import row_table, value_rows
+
+if TYPE_CHECKING:
+    from ..plot._animate import Motion
 
 
 def animate(
@@ -35,6 +38,7 @@ def animate(
         speed (SPEED): Speed of the rotor, e.g. 3000rpm; the machine's if absent.
         frames: Pictures per revolution.
     """
+
     output = Output(out=out, force=force)
     refuse(not 4 <= frames <= 360, f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif
@@ -42,15 +46,15 @@ def animate(
     scene = case.scene(once=True)
     moving = {}
     result = {"machine": scene.name, "file": scene.file, "frames": frames}
+    from ..plot._animate import journal_motion, mechanism_motion
+
     with waiting("Solving and drawing ..."):
         if scene.compressor is not None:
             orbit = jc.crank.solve_orbit(scene)
             compressor = scene.as_compressor()
-            moving["mechanism"] = gif(jc.plot.interface.mechanism_motion(compressor, orbit, frames))
+            moving["mechanism"] = gif(mechanism_motion(compressor, orbit, frames))
             if orbit.positions:
-                moving["journals"] = gif(
-                    jc.plot.interface.journal_motion(compressor, orbit, frames)
-                )
+                moving["journals"] = gif(journal_motion(compressor, orbit, frames))
             converged = bool(orbit.converged)
             result |= {
                 "converged": converged,
@@ -70,9 +74,11 @@ def animate(
 
 def balancing_motion(
     scene: jc.scene.Scene, speed: str | None, frames: int
-) -> tuple[jc.plot.interface.Motion, dict[str, Any]]:
+) -> tuple[Motion, dict[str, Any]]:
     """The rotor with its crankcase and housing, without and with the least-squares corrections."""
     import jax.numpy as jnp
+
+    from ..plot._rotor_motion import balance_motion
 
     places = scene.parts["balancing"]
     case = scene.parts["loads"]
@@ -97,7 +103,7 @@ def balancing_motion(
         "largest_after": float(abs(after.displacement[..., 0]).max()),
         "improvement": float(balance.improvement),
     }
-    return jc.plot.interface.balance_motion(model, before, after, frames), result
+    return balance_motion(model, before, after, frames), result
 
 
 def animate_tables(result: dict[str, Any]):

@@ -47,7 +47,9 @@ def pulsation(
     scene = case.scene(once=True)
     compressor = scene.as_compressor()
     gas = compressor.gas
-    piped = isinstance(gas, jc.cylinder.Cylinder) and jc.cylinder.interface.is_piped(gas)
+    from ..cylinder._waves import is_piped
+
+    piped = isinstance(gas, jc.cylinder.Cylinder) and is_piped(gas)
     if not piped:
         missing = (
             "the machine file has no pipes, [gas.suction.piping] or [gas.discharge.piping], which "
@@ -65,10 +67,16 @@ def pulsation(
             cycle = jc.solve_orbit(compressor).cycle
             assert cycle is not None
             result["solved"] = _solved(cycle.pulsation)
+
+    def pictures():
+        from ..plot._pulsation import pulsation_figures
+
+        return pulsation_figures(result)
+
     output.emit(
         result,
         pulsation_tables,
-        lambda: jc.plot.interface.pulsation_figures(result),
+        pictures,
         scene,
         metadata=header(scene) | case.changes,
     )

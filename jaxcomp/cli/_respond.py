@@ -44,8 +44,11 @@ def respond(
         orders (N,N,...): Orders of the speed; all that are loaded if absent.
         node: Node to report; the target planes (or all) if absent. Repeatable.
     """
+
     scene = case.scene(once=True)
-    names = {str(name) for name in jc.rotor.interface.node_names(rotor_of(scene))}
+    from ..rotor._nodes import node_names
+
+    names = {str(name) for name in node_names(rotor_of(scene))}
     for name in node or ():
         refuse_unknown(f"--node {name}", name, names, "node")
     loads = scene.parts.get("loads")
@@ -56,6 +59,8 @@ def respond(
     shown_orders = whole_orders(orders, None if by_crank else loads.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     crank_solver = opt.chosen_solver(solver, scene)
+    from ..rotor._response import SingularResponse
+
     with waiting():
         try:
             motion = jc.vibration.rotor_motion(
@@ -67,16 +72,22 @@ def respond(
                 excitation=shaken_by,
                 crank_solver=crank_solver,
             )
-        except jc.rotor.interface.SingularResponse as error:
+        except SingularResponse as error:
             raise CommandError(f"{scene.file}: {error}") from None
     curves = {"response": motion.columns}
     over = motion.curves
     if over is not None:
         curves["curves"] = lambda: plain(over.columns())
+
+    def pictures():
+        from ..plot._rotor import rotor_motion_figures
+
+        return rotor_motion_figures(motion)
+
     output.emit(
         motion,
         response_tables,
-        lambda: jc.plot.interface.rotor_motion_figures(motion),
+        pictures,
         scene,
         curves,
         metadata={**header(scene), "excitation": shaken_by, **case.changes},
@@ -86,7 +97,7 @@ def respond(
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
     """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
-        from ..vibration.interface import excited_orders
+        from ..vibration._machine import excited_orders
 
         return _OF_CRANK if loads is None else excited_orders(tuple(loads))
     numbers = [word.strip() for word in text.split(",")]

@@ -22,7 +22,7 @@ def scene_speeds(scene: jc.scene.Scene) -> np.ndarray:
     """[rad/s] The speeds that the scene runs at."""
     import numpy as np
 
-    from ..vibration.interface import own_speeds
+    from ..vibration._machine import own_speeds
 
     speeds = own_speeds(scene.parts.get("balancing"), scene.compressor)
     refuse(speeds is None, "--speed: is missing, and the machine names no speed of its own")
@@ -58,10 +58,12 @@ def rotor_of(scene: jc.scene.Scene, *speeds: np.ndarray | None) -> jc.rotor.Roto
     """
     import numpy as np
 
+    from ..rotor._system import System
+
     needs_rotor(scene)
     all_speeds = np.concatenate([s for s in speeds if s is not None] or [[]])
     model = jc.rotor_at(scene, np.unique(all_speeds))
-    assert not isinstance(model, jc.rotor.interface.System)  # a scene holds no prepared one
+    assert not isinstance(model, System)  # a scene holds no prepared one
     return model
 
 

@@ -39,6 +39,7 @@ def run(
         step (DEGREES): Of the crank angle in curves.csv, from -180 to 180, e.g. 1; at the nodes of the
             solver if absent.
     """
+
     if tolerance is not None:
         refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     even = step is None or (0.01 <= step <= 90 and abs(360 / step - round(360 / step)) < 1e-9)
@@ -62,10 +63,16 @@ def run(
         state = _solved(scene, method, verify or output.out is not None, moving_films, output)
         if load_steps:
             state = dataclasses.replace(state, load_steps=jc.study.load_steps(scene, method))
+
+    def pictures():
+        from ..plot._crank import steady_state_figures
+
+        return steady_state_figures(state)
+
     output.emit(
         state,
         lambda result: run_tables(scene, result),
-        lambda: jc.plot.interface.steady_state_figures(state),
+        pictures,
         scene,
         {"curves": lambda: _curves(state, step)},
         metadata={**header(scene), "tolerance": method.tolerance, **case.changes},

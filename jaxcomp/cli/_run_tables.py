@@ -49,6 +49,7 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
 
 def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     from .._core.each import listed, of_cylinder
+    from ..study._steady_state import crank_quantities
 
     rows = []
     compressor = scene.as_compressor()
@@ -70,7 +71,7 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         "speed_fluctuation": f"{low:.5g} to {high:.5g} rpm",
     }
     meaningless = any("no efficiency" in remark for remark in result["remarks"])
-    for quantity in jc.study.interface.crank_quantities(scene.machine):
+    for quantity in crank_quantities(scene.machine):
         if quantity.name not in result or quantity.name in _IN_OTHER_TABLES:
             continue
         value = result[quantity.name]
@@ -128,11 +129,13 @@ def _losses(result: dict[str, Any]):
 
 def _power(result: dict[str, Any]):
     """Table of the uses of power and swept volume."""
+    from ..crank._performance import POWER
+
     power = result["power_use"]
     volume = result["volume_use"]
     total = sum(power.values())
     rows: list[Any] = []
-    for name in jc.crank.interface.POWER:
+    for name in POWER:
         use = power.get(name, 0.0)
         # a use that is rounding beside the total is none
         if abs(use) > 1e-12 * abs(total):

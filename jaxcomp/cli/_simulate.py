@@ -56,11 +56,14 @@ def simulate(
         samples: Number of instants listed; 501 if absent, with valves some 200 for each revolution.
         swing_back: Go on where the crank stops or turns back.
     """
+
     refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     import diffrax
 
+    from ..scene._units import to_si
+
     def si(text, unit, option):
-        return float(jc.scene.interface.to_si(text, unit, option))
+        return float(to_si(text, unit, option))
 
     scene = case.scene(once=True)
     compressor = scene.as_compressor()  # a machine without one is told before the duration
@@ -86,10 +89,12 @@ def simulate(
             options=jc.crank.TimeIntegration(method, tolerance, steps, samples or instants),
         )
 
+    from ..plot._transient import transient_figure, transient_gas_figure
+
     def figures():
-        pictures = {"motion": jc.plot.interface.transient_figure(motion, scene.name, off)}
+        pictures = {"motion": transient_figure(motion, scene.name, off)}
         if motion.gas is not None:
-            pictures["gas"] = jc.plot.interface.transient_gas_figure(motion, scene.name, off)
+            pictures["gas"] = transient_gas_figure(motion, scene.name, off)
         return pictures
 
     metadata = {
@@ -100,7 +105,9 @@ def simulate(
         **case.changes,
     }
     gas = compressor.gas
-    if isinstance(gas, jc.cylinder.Cylinder) and jc.cylinder.interface.is_piped(gas):
+    from ..cylinder._waves import is_piped
+
+    if isinstance(gas, jc.cylinder.Cylinder) and is_piped(gas):
         metadata["left_out"] = "pipes: the lines keep their mean pressures in time"
     curves = {"motion": motion.columns}
     output.emit(motion, simulate_tables, figures, scene, curves, metadata=metadata)
@@ -109,9 +116,11 @@ def simulate(
 def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:
     """The most steps of a machine with valves up to an end [s], and the instants to list."""
     # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
+    from ..crank._integration import MOST_STEPS
+
     count = compressor.crankshaft.count
     revolutions = end * float(compressor.motor.speed_guess) / (2 * math.pi)
-    limit = (jc.crank.interface.MOST_STEPS - 2000) // (1000 * count)
+    limit = (MOST_STEPS - 2000) // (1000 * count)
     refuse(
         revolutions > limit,
         f"--duration {duration}: must be at most {limit} revolutions, with valves",

@@ -141,7 +141,7 @@ def usable_columns() -> None:
 
 def show_error(error: Exception) -> None:
     """One line on standard error, without the escape sequences that a file or argument may hold."""
-    from ..scene.interface import visible
+    from ..scene._text import visible
 
     typer.echo(f"error: {visible(' '.join(str(error).split()))}", err=True)
 

@@ -62,6 +62,7 @@ def sweep(
         batch: Designs that are solved and written at a time.
         devices: Cores (or other devices) to use; all if absent.
     """
+
     if samples is not None:
         refuse(samples < 1, f"--samples {samples}: must be >= 1")
     elif sampling != "sobol":
@@ -87,29 +88,32 @@ def sweep(
         "batch": batch,
         "devices": devices,
     }
+    from ..study.sweep._run import sweep_machines
+
     with cluster(dask) as client:
         options |= {"options": analysis.options(scene), "client": client}
         if layout_scenes:
             options["dimension"] = _LAYOUT
-            dataset = jc.study.sweep.interface.sweep_machines(
-                layout_scenes, axes, quantities, **options
-            )
+            dataset = sweep_machines(layout_scenes, axes, quantities, **options)
         else:
             dataset = jc.study.sweep.sweep(scene, axes, quantities, **options)
+    from ..plot._sweep import machine_figures, sweep_figures
+    from ..study.sweep._summary import columns, summary
+
     if layout_scenes:
         numbers = {"layouts": _values_of_each(dataset)}
         tables = partial(layouts_tables, dataset)
-        figures = partial(jc.plot.interface.machine_figures, dataset, scene.name, _LAYOUT)
+        figures = partial(machine_figures, dataset, scene.name, _LAYOUT)
     else:
-        numbers = jc.study.sweep.interface.summary(dataset)
+        numbers = summary(dataset)
         tables = partial(sweep_tables, dataset)
-        figures = partial(jc.plot.interface.sweep_figures, dataset, scene.name)
+        figures = partial(sweep_figures, dataset, scene.name)
     output.emit(
         {"scene": scene.name, **numbers, "store": store and str(store)},
         tables,
         figures,
         scene,
-        {"designs": lambda: jc.study.sweep.interface.columns(dataset)},
+        {"designs": lambda: columns(dataset)},
     )
 
 
@@ -126,24 +130,28 @@ def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene
 
 def _values_of_each(dataset) -> dict[str, dict[str, Any]]:
     """The quantities of all designs of each layout, and how each ended."""
-    interface = jc.study.sweep.interface
+    from ..study.sweep._store import quantity_names, status_words
+    from ..study.sweep._summary import machine_parts
+
     values = {}
-    for name, part in interface.machine_parts(dataset, _LAYOUT).items():
-        columns = {
-            quantity: part[quantity].values for quantity in (*interface.quantity_names(part), "ok")
-        }
-        values[name] = columns | {"status": interface.status_words(part)}
+    for name, part in machine_parts(dataset, _LAYOUT).items():
+        columns = {quantity: part[quantity].values for quantity in (*quantity_names(part), "ok")}
+        values[name] = columns | {"status": status_words(part)}
     return values
 
 
 def layouts_tables(dataset, result: dict[str, Any]) -> Iterator[Any]:
     """Best and worst designs of each layout."""
+    from ..study.sweep._best import shown_column
+    from ..study.sweep._store import quantity_names
+    from ..study.sweep._summary import machine_parts
+
     rows = []
-    parts = jc.study.sweep.interface.machine_parts(dataset, _LAYOUT)
+    parts = machine_parts(dataset, _LAYOUT)
     for name, part in parts.items():
         failed = int(part["ok"].size - part["ok"].sum())
-        for quantity in jc.study.sweep.interface.quantity_names(part):
-            look = jc.study.sweep.interface.shown_column(dataset, quantity)
+        for quantity in quantity_names(part):
+            look = shown_column(dataset, quantity)
             ends = (_cell(look, float(end)) for end in (part[quantity].min(), part[quantity].max()))
             rows.append((name, look.label, *ends, failed or ""))
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
@@ -170,9 +178,11 @@ def default_quantities(scene: jc.scene.Scene) -> list[str]:
 
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
     """Values or distributions of the variables, in SI units."""
+    from ..study._variables import by_name
+
     design = jc.machine.machine_of(scene)
     axes = {}
-    for name, text in jc.study.interface.by_name(design, assignments(texts, "--over")).items():
+    for name, text in by_name(design, assignments(texts, "--over")).items():
         option = f"--over {name}={text}"
         variable = jc.study.variable(design, name)
         axes[name] = axis_values(text, variable.unit, option, sampled)
@@ -231,6 +241,8 @@ def _call_checked(function, option, *numbers):
 
 def sweep_tables(dataset, result: dict[str, Any]):
     """Ranges and best designs of the quantities, and the curve or the best curve where there is one."""
+    from ..study.sweep._best import shown_column
+
     failed = f", {result['failed']:,} failed" if result["failed"] else ""
     yield _summary(dataset, result, f"{result['scene']}: {result['designs']:,} designs{failed}")
     if result["failed_by_status"]:
@@ -241,7 +253,7 @@ def sweep_tables(dataset, result: dict[str, Any]):
     dims = dataset["ok"].dims
     if len(dims) == 1 and dims[0] != "sample" and dataset["ok"].size <= _ROWS:
         names = [*result["variables"], *result["quantities"]]
-        looks = [jc.study.sweep.interface.shown_column(dataset, name) for name in names]
+        looks = [shown_column(dataset, name) for name in names]
         rows = zip(*(dataset[name].values.tolist() for name in names), strict=True)
         yield _numbers("Designs", looks, (map(_cell, looks, row) for row in rows))
     for name, entry in result["quantities"].items():
@@ -250,8 +262,10 @@ def sweep_tables(dataset, result: dict[str, Any]):
 
 
 def _summary(dataset, result, title):
+    from ..study.sweep._best import shown_column
+
     names = (*result["variables"], *result["quantities"])
-    looks = {name: jc.study.sweep.interface.shown_column(dataset, name) for name in names}
+    looks = {name: shown_column(dataset, name) for name in names}
     rows = []
     for name, entry in result["quantities"].items():
         middle = entry["percentiles"] and entry["percentiles"]["50"]
@@ -271,14 +285,15 @@ def _summary(dataset, result, title):
 def _failed_table(dataset, result):
     """The first of the designs that failed, each with its status, and what the statuses mean."""
     from .._core.status import status_meaning
+    from ..study.sweep._best import shown_column
+    from ..study.sweep._store import status_words
 
-    interface = jc.study.sweep.interface
     failed = ~dataset["ok"].values.ravel()
-    looks = {name: interface.shown_column(dataset, name) for name in result["variables"]}
+    looks = {name: shown_column(dataset, name) for name in result["variables"]}
     axes = {name: dataset[name].broadcast_like(dataset["ok"]) for name in looks}
     dims = dataset["ok"].dims
     columns = [axes[name].transpose(*dims).values.ravel()[failed][:_FAILED] for name in looks]
-    statuses = np.asarray(interface.status_words(dataset)).ravel()[failed][:_FAILED]
+    statuses = np.asarray(status_words(dataset)).ravel()[failed][:_FAILED]
     rows = []
     for *values, status in zip(*columns, statuses, strict=True):
         rows.append((*map(_cell, looks.values(), values), str(status).replace("_", " ")))
@@ -295,8 +310,10 @@ def _failed_table(dataset, result):
 
 
 def _curve_table(dataset, name, curve):
+    from ..study.sweep._best import shown_column
+
     names = (curve["across"], curve["along"], name)
-    looks = [jc.study.sweep.interface.shown_column(dataset, name) for name in names]
+    looks = [shown_column(dataset, name) for name in names]
     abscissa, varied, value = looks
     tried = dataset[curve["along"]].values
     ends = (tried.min(), tried.max())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.markup import escape
@@ -19,6 +19,10 @@ from ._output import Output, Partial
 from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
 from ._tables import number_text, row_table
+
+if TYPE_CHECKING:
+    from ..study.tolerance._answer import Permitted
+    from ..study.tolerance._scatter import Within
 
 # Contributors of a table.
 _ROWS = 12
@@ -78,6 +82,7 @@ def tolerance(
         seed: Seed of the samples.
         curvature: Second order by differences of slopes, by exact derivatives, or not.
     """
+
     missing = not vary and tolerances is None
     refuse(missing, "--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
     unlimited = rejects is not None and not limit
@@ -93,8 +98,10 @@ def tolerance(
     variations, correlations = read_tolerances(design, vary, tolerances, correlate)
     limits = bounds_of(limit, "--limit", equalities=False)
     names = list(quantity or (() if limits else default_quantities(scene)))
+    from ..study._analysis import quantity_named
+
     for name in names:
-        jc.study.interface.quantity_named(name)
+        quantity_named(name)
     quantities = list(dict.fromkeys([*names, *limits]))
     partial = Partial(output.out, "machines")
 
@@ -112,10 +119,16 @@ def tolerance(
     metadata: dict[str, Any] = {"scene": scene.name, "balanced": balanced}
     if rejects is not None:
         metadata["permitted"] = tighter
+
+    def pictures():
+        from ..plot._designs import tolerance_figures
+
+        return tolerance_figures(study, scene.name)
+
     output.emit(
         study,
         lambda result: tolerance_tables(study, result, tighter),
-        lambda: jc.plot.interface.tolerance_figures(study, scene.name),
+        pictures,
         scene,
         {"samples": study.columns},
         metadata=metadata,
@@ -127,7 +140,7 @@ def read_tolerances(
     vary: Sequence[str] | None,
     file: Path | None,
     correlate: Sequence[str] | None,
-) -> tuple[dict[str, jc.study.tolerance.interface.Within], dict[tuple[str, str], float]]:
+) -> tuple[dict[str, Within], dict[tuple[str, str], float]]:
     """Tolerances and correlations of the file and of `--vary` and `--correlate`, which go first."""
     from ..scene.tolerances import read_tolerance_file, tolerances_of
 
@@ -148,9 +161,7 @@ def read_tolerances(
     return tolerances_of(design, {**texts, **assignments(vary, "--vary")}), correlations
 
 
-def permitted_tolerances(
-    study: jc.study.tolerance.Tolerances, text: str
-) -> list[jc.study.tolerance.interface.Permitted]:
+def permitted_tolerances(study: jc.study.tolerance.Tolerances, text: str) -> list[Permitted]:
     """Factors by which all tolerances would have to be tighter, and those of the largest contributor
     alone.
     """
@@ -163,7 +174,7 @@ def permitted_tolerances(
 def tolerance_tables(
     study: jc.study.tolerance.Tolerances,
     result: dict[str, Any],
-    permitted: Sequence[jc.study.tolerance.interface.Permitted],
+    permitted: Sequence[Permitted],
 ) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
     yield from map(escape, study.sentences(*permitted))

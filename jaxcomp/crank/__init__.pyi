@@ -1,4 +1,3 @@
-from . import interface as interface
 from ._collocation import Collocation as Collocation
 from ._coupling import orbit_at_constant_speed as orbit_at_constant_speed
 from ._films import JournalFilm as JournalFilm

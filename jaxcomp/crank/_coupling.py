@@ -38,22 +38,12 @@ from .._core.roots import frozen, mix, zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, mechanisms_of
 from ..cylinder import Cycle, Cylinder
-from ..cylinder.interface import (
-    CycleSolution,
-    Pace,
-    SeveralCycles,
-    follow_cycles,
-    guessed_pressures,
-    is_near,
-    no_solution,
-    of_each,
-    pace_of,
-    phase_of_ends,
-    solution_of,
-    solve_cycles,
-    unsolved,
-    values_only,
-)
+from ..cylinder._cycle import values_only
+from ..cylinder._cylinder import Pace
+from ..cylinder._ends import guessed_pressures, phase_of_ends
+from ..cylinder._evaluation import CycleSolution
+from ..cylinder._several import SeveralCycles, is_near, of_each, unsolved
+from ..cylinder._solve import follow_cycles, no_solution, pace_of, solution_of, solve_cycles
 from ..motor import ConstantSpeed
 from ._collocation import Collocation
 from ._orbit import Orbit

@@ -18,22 +18,21 @@ from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.polynomials import Rule, gauss
 from .._core.results import Result, reading
 from ..compressor import Compressor
-from ..crankshaft.interface import film_journals
+from ..crankshaft._bearings import film_journals
 from ..film import AbstractSolvedFilm, JournalBearing, minimum_film
-from ..film.interface import (
-    AbstractCarryingFilm,
+from ..film._bearing import (
     film_unit,
     friction_moment,
     load_number,
     prepare,
-    quarter_turn,
     ring_contact,
-    running_state,
-    shear_drag,
-    slopes_along,
     squeeze_of,
 )
-from ..friction.interface import EachJournal
+from ..film._film import AbstractCarryingFilm
+from ..film._placed import shear_drag
+from ..film._running import running_state
+from ..film._squeeze import quarter_turn, slopes_along
+from ..friction._base import EachJournal
 from ._journals import position_error, rate_shares
 from ._orbit import Orbit
 from ._panels import farthest, highest

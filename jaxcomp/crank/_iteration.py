@@ -25,8 +25,8 @@ from jaxtyping import Array, Bool, Float, Int
 from .._core.extremes import clip, max_of, maximum, min_of
 from .._core.roots import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
-from ..crankshaft.interface import MachineLoops
-from ..friction.interface import newton_step
+from ..crankshaft._loops import MachineLoops
+from ..friction._loads import newton_step
 from ..mechanism import CrankState
 from ._journals import (
     improved_positions,

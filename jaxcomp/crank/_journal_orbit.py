@@ -19,7 +19,7 @@ from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
 from .._core.status import Status
 from ..compressor import Compressor
 from ..film import AbstractSolvedFilm, JournalBearing
-from ..film.interface import film_unit, moving_film
+from ..film._bearing import film_unit, moving_film
 from ._films import JournalFilm, oil_films, read_film, thin_film
 from ._journals import Drive, improved_positions, orbit_status, rate_shares
 from ._orbit import Orbit

@@ -23,16 +23,12 @@ from .._core.fields import rebuilt
 from .._core.polynomials import Rule
 from .._core.status import Status
 from ..compressor import Compressor
-from ..crankshaft.interface import moving_journals, with_journal_positions
+from ..crankshaft._bearings import moving_journals, with_journal_positions
 from ..film import AbstractSqueeze, JournalBearing
-from ..film.interface import (
-    MixedSqueeze,
-    film_unit,
-    moving_film,
-    quarter_turn,
-    ring_contact,
-    shear_drag,
-)
+from ..film._bearing import film_unit, moving_film, ring_contact
+from ..film._contact import MixedSqueeze
+from ..film._placed import shear_drag
+from ..film._squeeze import quarter_turn
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ._panels import Panels
 

@@ -26,7 +26,7 @@ from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from .._core.words import one_of
 from ..film import JournalBearing
-from ..film.interface import SIZES, sizes_of, squeeze_of
+from ..film._bearing import SIZES, sizes_of, squeeze_of
 from ._films import JournalFilm, roughness_of
 from ._journal_orbit import journal_orbit
 

@@ -19,7 +19,7 @@ from .._core.results import Data, Result
 from .._core.status import Status
 from ..compressor import Compressor
 from ..cylinder import Cycle
-from ..cylinder.interface import SeveralCycles
+from ..cylinder._several import SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
 from ._panels import highest

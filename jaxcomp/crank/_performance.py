@@ -10,7 +10,7 @@ from .._core.extremes import maximum
 from .._core.results import Data, Result
 from ..compressor import Compressor
 from ..cylinder import Cycle, Cylinder, SuctionWarming
-from ..cylinder.interface import SeveralCycles
+from ..cylinder._several import SeveralCycles
 from ..fluid import GasState
 from ._orbit import Orbit
 

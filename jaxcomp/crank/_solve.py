@@ -18,15 +18,10 @@ from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, HasCompressor, compressor_of
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import (
-    climbed,
-    evidence,
-    is_piped,
-    of_each,
-    options_of,
-    raise_where_unsolved,
-    with_settings,
-)
+from ..cylinder._climb import climbed, evidence, raise_where_unsolved
+from ..cylinder._ends import options_of, with_settings
+from ..cylinder._several import of_each
+from ..cylinder._waves import is_piped
 from ._collocation import Collocation, default_collocation
 from ._coupling import MAX_ITERATIONS, orbit_with_cylinder
 from ._films import has_thin_film

@@ -21,7 +21,7 @@ from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
 from ..compressor import Compressor, HasCompressor, compressor_of, instants
 from ..cylinder import Cylinder
-from ..cylinder.interface import values_only
+from ..cylinder._cycle import values_only
 from ..mechanism import CrankState
 from ._integration import TimeIntegration
 from ._journals import orbiting_journals

@@ -24,28 +24,20 @@ from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants, mechanisms_of
 from ..cylinder import Cylinder
-from ..cylinder.interface import (
+from ..cylinder._balance import (
     EVENTS,
     STATES,
-    AbstractLaw,
     Accounts,
-    Case,
-    Cylinders,
     Rates,
-    Record,
-    Stretch,
-    account_scales,
-    chains,
-    ends_of,
-    first_states,
-    grouping,
-    has_ends,
-    prepare,
-    stretch,
     temperature_and_density,
     valve_scales,
-    within_steps,
 )
+from ..cylinder._cylinder import Case, prepare
+from ..cylinder._ends import ends_of, grouping, has_ends
+from ..cylinder._evaluation import account_scales
+from ..cylinder._march import AbstractLaw, Record, Stretch, stretch, within_steps
+from ..cylinder._plenum import chains, first_states
+from ..cylinder._system import Cylinders
 from ..gas import AbstractGas
 from ..mechanism import CrankState
 from ._journals import journal_drive, orbiting_journals, with_journals

@@ -32,9 +32,10 @@ from .._core.extremes import clip, max_of, min_of
 from .._core.fields import POSITIVE, Part, quantity, replaced
 from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing
-from ..film.interface import PlacedJournal
+from ..film._placed import PlacedJournal
 from ..friction import MixedThrust, OilPump, ThrustBearing
-from ..friction.interface import STANDARD_GRAVITY, shaft_loss
+from ..friction._base import STANDARD_GRAVITY
+from ..friction._loads import shaft_loss
 from ..mechanism import Vector
 
 

@@ -1,6 +1,5 @@
 """The cylinder's own thermodynamics: valves, real gas, heat and leakage over a periodic cycle."""
 
-from . import interface as interface
 from ._cycle import Cycle as Cycle
 from ._cylinder import Cylinder as Cylinder
 from ._line_resonances import LineResonance as LineResonance

@@ -23,7 +23,7 @@ from .._core.each import mapped
 from .._core.extremes import clip, max_of, maximum, minimum
 from ..fluid import GasState
 from ..valve import AbstractValve, Oscillator
-from ..valve.interface import Side, choose, port_acceleration, quasi_steady_flow, throat_density
+from ..valve._flow import Side, choose, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._plenum import PlenumChain, valve_sides
 from .heat._base import HeatInput

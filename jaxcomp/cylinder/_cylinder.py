@@ -14,11 +14,11 @@ from .._core.extremes import clip
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
-from ..fluid.interface import FAR, has_dew_line
+from ..fluid._real import FAR, has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
 from ..valve import AbstractValve
-from ..valve.interface import Side, critical_ratio
+from ..valve._flow import Side, critical_ratio
 from ._lines import DischargeLine, SuctionLine, by_dew_points
 from ._piston_end import PistonEnd
 from ._plenum import Plenum

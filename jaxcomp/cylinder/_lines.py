@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity, rebuilt
 from ..fluid import AbstractFluid, GasState
-from ..fluid.interface import has_dew_line
+from ..fluid._real import has_dew_line
 from ..piping import Piping
 from ._plenum import Plenum
 from .suction_warming import SuctionWarming

@@ -15,7 +15,7 @@ from .._core.fields import is_traced
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..piping import flange_limit, line_limit, line_limit_of_approach_1
-from ..piping.interface import steady_transfers, transfers
+from ..piping._network import steady_transfers, transfers
 from ._cylinder import Case
 from ._waves import Line, Observed, SideWaves, Waves, complex_of, lines_of, series_of
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import max_of, min_of
-from ..valve.interface import Side
+from ..valve._flow import Side
 from ._balance import (
     EVENTS,
     FLAGS,

@@ -20,15 +20,9 @@ from .._core.extremes import maximum, minimum
 from .._core.polynomials import cubic_step
 from ..fluid import GasState
 from ..piping import PipeGas, Piping, network_of, pipe_gas
-from ..piping.interface import (
-    Drag,
-    Network,
-    friction_factor,
-    harmonic_responses,
-    steady_response,
-    turbulent_share,
-)
-from ..valve.interface import Side, enthalpy_drop
+from ..piping._network import Drag, Network, harmonic_responses, steady_response
+from ..piping.pipe import friction_factor, turbulent_share
+from ..valve._flow import Side, enthalpy_drop
 from ._cylinder import Case, Cylinder
 
 # [-] of the line's pressure, below which an iterate is not followed.

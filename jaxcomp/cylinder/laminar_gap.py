@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, Part, quantity
-from ..valve.interface import Side
+from ..valve._flow import Side
 
 
 class LaminarGap(Part):

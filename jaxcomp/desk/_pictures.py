@@ -6,7 +6,8 @@ import numpy as np
 from bokeh.models import ColumnDataSource, CustomJS, FactorRange, Title
 from bokeh.plotting import figure
 
-from ..plot.interface import INK, colour, line_look, words
+from ..plot._mechanism import line_look
+from ..plot._style import INK, colour, words
 from ._layout import WIDE
 from ._state import Desk, View
 

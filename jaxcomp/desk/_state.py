@@ -14,14 +14,16 @@ from .._core.exported import kept_jit
 from .._core.registry import Quantity, offered_values
 from .._core.status import Status
 from ..balancing import least_squares
-from ..crank.interface import film_thickness
+from ..crank._films import film_thickness
 from ..cylinder import Cylinder
-from ..cylinder.interface import SeveralCycles
+from ..cylinder._several import SeveralCycles
 from ..machine import Machine
-from ..plot.interface import fine_turn, first_diagram, front_view
+from ..plot._fine import fine_turn, first_diagram
+from ..plot._mechanism import front_view
 from ..scene import Scene, SceneError, dump, implausible_values
+from ..scene._change import with_machine
+from ..scene._units import to_si
 from ..scene.follows import gas_follows
-from ..scene.interface import to_si, with_machine
 from ..study import (
     AnalysisOptions,
     DesignResult,
@@ -31,7 +33,8 @@ from ..study import (
     problem,
     sensitivity,
 )
-from ..study.interface import GivenNumber, given_numbers, list_length, variable_label
+from ..study._labels import variable_label
+from ..study._variables import GivenNumber, given_numbers, list_length
 
 _SOURCE = "set at the desk"
 _FIRST = ("cop", "mechanical_efficiency")

@@ -1,6 +1,5 @@
 """Journal bearings with a hydrodynamic film: position, friction, stiffness and damping."""
 
-from . import interface as interface
 from ._bearing import JournalBearing as JournalBearing
 from ._contact import AsperityContact as AsperityContact
 from ._film import AbstractFilm as AbstractFilm

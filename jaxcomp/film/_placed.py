@@ -20,8 +20,8 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.extremes import maximum
 from ._bearing import JournalBearing, film_unit, ring_contact, squeeze_of
+from ._film import Pair
 from ._parts import AbstractJournal
-from ._squeeze import Pair
 
 # [rad/s] Of the crank: near rest the dissipation over the speed is no torque, and is left out.
 _REST = 0.2

@@ -1,8 +1,8 @@
 """Friction: the laws of single joints, and the joint loops that they couple."""
 
+from ..film import AbstractJournal as AbstractJournal
 from . import _slider_crank as _slider_crank
 from . import _slider_link as _slider_link
-from ._base import AbstractJournal as AbstractJournal
 from ._base import AbstractSlide as AbstractSlide
 from ._loads import AbstractFriction as AbstractFriction
 from ._loads import AbstractJointLoop as AbstractJointLoop

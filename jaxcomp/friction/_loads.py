@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import clip, max_of, maximum
 from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
-from ..film.interface import PlacedJournal
+from ..film._placed import PlacedJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 
 

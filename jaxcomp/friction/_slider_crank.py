@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import maximum, min_of
 from ..film import AbstractJournal
 from ..mechanism import CrankState, SliderCrank, rod_motion
-from ..mechanism.interface import RodBalance, pin_forces, rod_balance, rod_moment
+from ..mechanism._slider_crank import RodBalance, pin_forces, rod_balance, rod_moment
 from ._base import AbstractSlide
 from ._loads import (
     AbstractFriction,

@@ -20,9 +20,9 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.extremes import max_of, minimum
 from ..film import AbstractJournal
-from ..film.interface import PlacedJournal
+from ..film._placed import PlacedJournal
 from ..mechanism import CrankState, LinkMotion, SliderLink, Vector, contact
-from ..mechanism.interface import Contact, ContactArms, PistonLoads, contact_arms
+from ..mechanism._slider_link import Contact, ContactArms, PistonLoads, contact_arms
 from ._base import AbstractSlide
 from ._loads import (
     AbstractFriction,

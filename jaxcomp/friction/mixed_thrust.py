@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from ..film import AsperityContact
-from ..film.interface import check_oil, oil_viscosity
+from ..film._parts import check_oil, oil_viscosity
 from ._base import AbstractDrag
 from ._pads import PadForces, Pads, slow
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import POSITIVE, Part, quantity
-from ..film.interface import check_oil, oil_viscosity
+from ..film._parts import check_oil, oil_viscosity
 
 
 class PistonFilm(Part):

@@ -1,6 +1,5 @@
 """Networks of pipes between valves and lines: acoustics by harmonics, one element a file."""
 
-from . import interface as interface
 from ._gas import PipeGas as PipeGas
 from ._gas import pipe_gas as pipe_gas
 from ._network import impedances as impedances

@@ -3,7 +3,6 @@
 With the option `interactive=True` each of them returns figures of plotly with hover and zoom.
 """
 
-from . import interface as interface
 from ._accuracy import work_precision_diagram as work_precision_diagram
 from ._animate import gif as gif
 from ._animate import machine_views as machine_views
@@ -16,9 +15,7 @@ from ._crank import pv_diagram as pv_diagram
 from ._designs import sensitivity_bars as sensitivity_bars
 from ._designs import tolerance_histogram as tolerance_histogram
 from ._designs import tornado as tornado
+from ._drawing import drawings as drawings
 from ._interactive import interactive as interactive
-from ._interactive import offer_interactive as _offer_interactive
 from ._sweep import sweep_map as sweep_map
 from ._vibration import shaking_force as shaking_force
-
-_offer_interactive(globals())

@@ -18,7 +18,8 @@ from .._core.each import of_cylinder
 from .._core.fields import replaced
 from ..compressor import Compressor, instants, of_each_cylinder
 from ..crank import CrankTrain, Orbit, journal_films, performance, train_over_speed
-from ..crank.interface import journal_rates, time_harmonics
+from ..crank._films import journal_rates
+from ..crank._orbit import time_harmonics
 from ..crankshaft import MainBearings
 from ..film import JournalBearing
 from ..friction import SliderCrankFriction
@@ -29,6 +30,7 @@ from . import _style as style
 from ._animate import machine_views
 from ._bearings import bearing_loads, journal_films_over_turn, journal_paths
 from ._cylinder import cylinder_figures
+from ._drawing import drawing
 from ._fine import EndDiagram, FineTurn, diagrams_of_ends, fine_turn, first_diagram
 from ._vibration import free_body_errors, shaking_force, vibration_orbits
 
@@ -36,6 +38,7 @@ _TORQUE = "Torque in the sense of rotation, N m"
 _ORDERS = 12
 
 
+@drawing
 def steady_state_figures(steady_state: SteadyState) -> dict[str, Figure]:
     """All pictures of a machine's periodic state by name; those of absent parts are left out."""
     parts: Any = steady_state.machine.parts
@@ -48,6 +51,7 @@ def steady_state_figures(steady_state: SteadyState) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def orbit_figures(
     compressor: Compressor, orbit: Orbit, suspension: Suspension | None = None
 ) -> dict[str, Figure]:
@@ -105,6 +109,7 @@ def rod_loads(sheet: ProcessSheet) -> Figure:
 _MOST_DIAGRAMS = 8
 
 
+@drawing
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
 
@@ -164,6 +169,7 @@ def _draw_ends(ax, ends: list[EndDiagram]) -> None:
             ax.plot(*curve, color=tint, linestyle=line, linewidth=1.5, label=label)
 
 
+@drawing
 def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
     turn = fine_turn(compressor, orbit)
@@ -194,6 +200,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     """Friction of every joint (Tsuji et al. 2012, Fig. 4).
 
@@ -225,6 +232,7 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
     figure, (above, below) = style.stacked(2, (7.2, 5.2), "Crank motion over one revolution")
@@ -245,6 +253,7 @@ def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     """Torques on the crank: motor, gas, friction and the inertia of the moving parts.
 
@@ -284,6 +293,7 @@ def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def loss_shares(orbit: Orbit) -> Figure:
     """Work lost in each joint, with its power and its share of all losses."""
     losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
@@ -355,6 +365,7 @@ def _inertia_torques(compressor: Compressor, state):
 # ---------------------------------------------------------------- several cylinders
 
 
+@drawing
 def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     """Orders of time of the torque of gas and weights, the shaking force and its couples.
 
@@ -390,6 +401,7 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) -> Figure:
     """Peak torque of every spring of the crank train against speed, with its critical speeds.
 
@@ -422,6 +434,7 @@ def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) 
     return figure
 
 
+@drawing
 def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
     """Efficiency and fluctuation of machines with different cylinders.
 

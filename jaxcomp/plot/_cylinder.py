@@ -7,12 +7,13 @@ from matplotlib.figure import Figure
 
 from .._core.display import shown
 from ..crank import Performance
-from ..crank.interface import POWER
+from ..crank._performance import POWER
 from ..cylinder import Cycle
-from ..cylinder.interface import SeveralCycles
-from ..fluid.interface import has_dew_line
+from ..cylinder._several import SeveralCycles
+from ..fluid._real import has_dew_line
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
+from ._drawing import drawing
 
 # Points of an indicator diagram beside the nodes of the solver.
 _SAMPLES = 720
@@ -21,6 +22,7 @@ _DISCHARGE = style.colour("discharge")
 _GAS = "#444444"
 
 
+@drawing
 def cylinder_figures(
     cycle: Cycle | SeveralCycles, performance: Performance | None = None
 ) -> dict[str, Figure]:
@@ -40,6 +42,7 @@ def cylinder_figures(
     return figures
 
 
+@drawing
 def valve_losses(cycle: Cycle) -> Figure:
     """Pressure over volume; shaded is the work that the valves cost."""
     case = cycle.case
@@ -81,6 +84,7 @@ def _fine_diagram(cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.asarray(volume) * 1e6, np.asarray(cycle.pressure_at(angle)) / 1e6, lifts
 
 
+@drawing
 def valve_motion(cycle: Cycle) -> Figure:
     """Lift of the valves, flow through them and pressure in the plenums over the crank angle."""
     plenums = cycle.plenum_pressure
@@ -112,6 +116,7 @@ def valve_motion(cycle: Cycle) -> Figure:
     return figure
 
 
+@drawing
 def log_p_h(cycle: Cycle) -> Figure:
     """The gas in the cylinder over its enthalpy, with the lines and the saturation dome.
 
@@ -149,6 +154,7 @@ def log_p_h(cycle: Cycle) -> Figure:
     return figure
 
 
+@drawing
 def power_use(performance: Performance) -> Figure:
     """Uses of the power, from the isentropic power up."""
     power = performance.power
@@ -170,6 +176,7 @@ def power_use(performance: Performance) -> Figure:
     return figure
 
 
+@drawing
 def rating_figures(rating_map: RatingMap, name: str) -> dict[str, Figure]:
     """Maps of capacity, power, COP and overall efficiency; none for a map of a single row or column."""
     figures = {}

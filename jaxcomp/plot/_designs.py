@@ -8,6 +8,7 @@ from .._core.display import Shown, shown
 from ..study import Comparison, Sensitivity
 from ..study.tolerance import Tolerances
 from . import _style as style
+from ._drawing import drawing
 
 _LOW = "#0072B2"
 _HIGH = "#D55E00"
@@ -20,6 +21,7 @@ _BARS = 18
 _ROWS = 14
 
 
+@drawing
 def compared_figures(comparison: Comparison) -> dict[str, Figure]:
     """All pictures of a comparison, by name: those of which it has numbers."""
     draw = {"power_use": (_USE, compared_power_use), "losses": (_LOSS, compared_losses)}
@@ -30,6 +32,7 @@ def compared_figures(comparison: Comparison) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def compared_losses(comparison: Comparison) -> Figure:
     """Power lost in each joint of some designs, with a bar for each design.
 
@@ -39,6 +42,7 @@ def compared_losses(comparison: Comparison) -> Figure:
     return _compared_family(comparison, _LOSS, "Friction losses", "Power lost, W")
 
 
+@drawing
 def compared_power_use(comparison: Comparison) -> Figure:
     """Uses of the electric (or shaft) power of machines with valves, with a bar for each design.
 
@@ -82,6 +86,7 @@ def _compared_family(comparison: Comparison, family: str, title: str, label: str
 # ---------------------------------------------------------------- sensitivity
 
 
+@drawing
 def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figure]:
     """All pictures of a sensitivity study, by name.
 
@@ -95,6 +100,7 @@ def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figur
     }
 
 
+@drawing
 def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivity") -> Figure:
     """Elasticity of a quantity with respect to the numbers that it depends on most.
 
@@ -124,6 +130,7 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
 # ---------------------------------------------------------------- tolerances
 
 
+@drawing
 def tolerance_figures(tolerances: Tolerances, title: str) -> dict[str, Figure]:
     """All pictures of a scatter, by name.
 
@@ -138,6 +145,7 @@ def tolerance_figures(tolerances: Tolerances, title: str) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     """Distribution of a quantity, with the bells of first and second order and its limits.
 
@@ -201,6 +209,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     return figure
 
 
+@drawing
 def tornado(found: Tolerances, name: str, title: str) -> Figure:
     """A quantity with one variable after the other at its limits, beside shares of the variance.
 

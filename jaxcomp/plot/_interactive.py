@@ -4,9 +4,7 @@ All that the pictures of this package are made of is carried over: curves, marks
 lines across the axes, texts, polar and logarithmic axes. Plotly is an optional extra of the package.
 """
 
-import functools
-import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from html import escape
 from typing import Any
 
@@ -90,40 +88,6 @@ def interactive_page(figures: Mapping[str, Any], title: str) -> str:
             pieces.append(interactive(figure).to_html(full_html=False, include_plotlyjs=first))
     head = f"<!doctype html><meta charset='utf-8'><title>{escape(title)}</title>"
     return "\n".join([head, *pieces])
-
-
-def offer_interactive(names: dict[str, Any]) -> None:
-    """Give the functions of a module that draw the option `interactive`."""
-    for name, function in list(names.items()):
-        drawn = inspect.isfunction(function) and inspect.signature(function).return_annotation
-        if not name.startswith("_") and drawn in (Figure, dict[str, Figure]):
-            names[name] = _offering_interactive(function)
-
-
-def _offering_interactive(function: Callable) -> Callable:
-    """A function that draws, with the option `interactive`."""
-    signature = inspect.signature(function)
-    option = inspect.Parameter(
-        "interactive", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=bool
-    )
-
-    @functools.wraps(function)
-    def _draw(*arguments, **options):
-        as_plotly = options.pop("interactive", False)
-        drawn = function(*arguments, **options)
-        if not as_plotly:
-            return drawn
-        if isinstance(drawn, dict):
-            return {name: interactive(figure) for name, figure in drawn.items()}
-        return interactive(drawn)
-
-    _draw.__doc__ = (
-        f"{function.__doc__}\n    With `interactive=True`: figures of plotly, see `interactive`.\n"
-    )
-    _draw.__signature__ = signature.replace(  # pyright: ignore[reportAttributeAccessIssue]
-        parameters=[*signature.parameters.values(), option]
-    )
-    return _draw
 
 
 class _Conversion:

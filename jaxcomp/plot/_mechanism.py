@@ -10,7 +10,7 @@ import numpy as np
 
 from .._core.each import of_cylinder
 from ..compressor import Compressor
-from ..crankshaft.interface import bearing_names
+from ..crankshaft._bearings import bearing_names
 from ..mechanism import SliderCrank, SliderLink
 from . import _style as style
 from ._fine import FineTurn

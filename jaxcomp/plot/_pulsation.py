@@ -7,11 +7,13 @@ from matplotlib.figure import Figure
 
 from .._core.display import RPM
 from . import _style as style
+from ._drawing import drawing
 
 # Orders of a spectrum that are drawn.
 _DRAWN = 20
 
 
+@drawing
 def pulsation_figures(pulsation: dict[str, Any]) -> dict[str, Figure]:
     """Pictures of `jaxcomp pulsation`, by name.
 

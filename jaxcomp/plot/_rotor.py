@@ -13,9 +13,11 @@ from .._core.display import RPM
 from .._core.errors import BadInput
 from .._core.words import one_of
 from ..rotor import CampbellDiagram, DampedModes, Response, RotorModel, RotorModes, orbit
-from ..rotor.interface import node_names, node_positions, subset_names, subsets
+from ..rotor._model import node_positions, subset_names, subsets
+from ..rotor._nodes import node_names
 from ..vibration import MotionOverSpeed, RotorMotion
 from . import _style as style
+from ._drawing import drawing
 
 # Curves of a response that still can be read.
 _CURVES = 7
@@ -32,6 +34,7 @@ _SOLID = {
 }
 
 
+@drawing
 def rotor_drawing(model: RotorModel) -> Figure:
     """Shafts and disks to scale along z; bodies as bars below, with the links between them."""
     places = node_positions(model)
@@ -90,6 +93,7 @@ def shaft_nodes(model: RotorModel) -> list[Any]:
     return nodes
 
 
+@drawing
 def rotor_modes_figures(rotor_modes: RotorModes) -> dict[str, Figure]:
     """The rotor, its mode shapes and its Campbell diagram, by name."""
     figures = {"rotor": rotor_drawing(rotor_modes.model), "modes": mode_shapes(rotor_modes)}
@@ -98,6 +102,7 @@ def rotor_modes_figures(rotor_modes: RotorModes) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def rotor_motion_figures(rotor_motion: RotorMotion) -> dict[str, Figure]:
     """The rotor, its deflection, the orbits of watched nodes and curves over the speed, by name."""
     figures = {
@@ -110,6 +115,7 @@ def rotor_motion_figures(rotor_motion: RotorMotion) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def response_curves(found: RotorMotion | Response, nodes: Sequence[str | int] = ()) -> Figure:
     """Major axis of the orbits over the speed, one axes an order.
 
@@ -164,6 +170,7 @@ def _curves_of(response: Response, nodes: Sequence[str]) -> MotionOverSpeed:
     return MotionOverSpeed(orders, spin, {name: size[..., names.index(name)] for name in shown})
 
 
+@drawing
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
     """Motion of all subsets along z at the instant of the largest, with the amplitude around it.
 
@@ -180,6 +187,7 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     return figure
 
 
+@drawing
 def mode_shapes(rotor_modes: RotorModes) -> Figure:
     """The first modes at the first speed along z, x-plane and y-plane."""
     model = rotor_modes.model
@@ -203,6 +211,7 @@ def mode_shapes(rotor_modes: RotorModes) -> Figure:
     return figure
 
 
+@drawing
 def response_orbits(rotor_motion: RotorMotion) -> Figure:
     """Orbits of the watched nodes at the first speed, order by order; a dot marks time zero."""
     nodes = dict(list(rotor_motion.motion.items())[:12])
@@ -247,6 +256,7 @@ def _highest_shown(hertz: np.ndarray, spin: float) -> float:
     return min(max(1.3 * 2 * spin, some), every)
 
 
+@drawing
 def campbell_diagram(
     campbell: CampbellDiagram | DampedModes, speeds: Sequence[float] = ()
 ) -> Figure:

@@ -13,7 +13,8 @@ import numpy as np
 
 from .._core.display import RPM
 from ..rotor import Response, RotorModel
-from ..rotor.interface import node_names, node_positions, subset_names, subsets
+from ..rotor._model import node_positions, subset_names, subsets
+from ..rotor._nodes import node_names
 from . import _style as style
 from ._animate import Motion
 from ._rotor import first_motion, shaft_nodes

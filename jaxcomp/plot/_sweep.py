@@ -12,8 +12,11 @@ from matplotlib.ticker import MaxNLocator
 
 from .._core.display import Shown
 from ..study.sweep import best_curve, best_design
-from ..study.sweep.interface import machine_parts, quantity_names, shown_column
+from ..study.sweep._best import shown_column
+from ..study.sweep._store import quantity_names
+from ..study.sweep._summary import machine_parts
 from . import _style as style
+from ._drawing import drawing
 
 if TYPE_CHECKING:
     import xarray
@@ -26,6 +29,7 @@ _CLOUD = 20_000
 _CURVES = 12
 
 
+@drawing
 def sweep_figures(dataset: "xarray.Dataset", title: str) -> dict[str, Figure]:
     """All pictures of a sweep, by name.
 
@@ -49,6 +53,7 @@ def sweep_figures(dataset: "xarray.Dataset", title: str) -> dict[str, Figure]:
     return figures
 
 
+@drawing
 def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
     """Every quantity of several machines beside each other, then the pictures of each by itself.
 
@@ -83,6 +88,7 @@ def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> di
     return figures
 
 
+@drawing
 def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity as a filled map over the first two variables, with the curve of its best values.
 
@@ -135,6 +141,7 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
+@drawing
 def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity over the first variable, with a curve for each value of the second.
 
@@ -179,6 +186,7 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
+@drawing
 def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The best value of the first variable over the second, and what it reaches.
 
@@ -210,6 +218,7 @@ def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
+@drawing
 def sample_cloud(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The distribution of a quantity, and the quantity over each variable.
 

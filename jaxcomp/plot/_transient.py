@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 from .._core.display import RPM
 from ..crank import Transient
 from . import _style as style
+from ._drawing import drawing
 
 
+@drawing
 def transient_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
     """Speed over time, and the work since the start: of the motor, of the gas, of friction, in motion.
 
@@ -54,6 +56,7 @@ def transient_figure(transient: Transient, name: str, power_off: float | None = 
     return figure
 
 
+@drawing
 def transient_gas_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
     """Pressure in the cylinders and lifts of the valves over the last four revolutions.
 

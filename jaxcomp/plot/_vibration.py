@@ -13,14 +13,10 @@ from ..compressor import Compressor
 from ..crank import Orbit
 from ..rotor import undamped_modes
 from ..vibration import Harmonics, Suspension, block_response, orbit_load, shaking_wrench
-from ..vibration.interface import (
-    block_points,
-    free_body_error,
-    free_body_response,
-    point_motion,
-    with_scaled_frequencies,
-)
+from ..vibration._block import free_body_error, free_body_response, point_motion
+from ..vibration._suspension import block_points, with_scaled_frequencies
 from . import _style as style
+from ._drawing import drawing
 from ._fine import fine_turn
 
 _POINTS = (style.INK, *style.TINTS[:6])
@@ -29,6 +25,7 @@ _HARMONICS = 12
 _INSTANTS = 361
 
 
+@drawing
 def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     """Locus of the shaking force on the block, and its moments over the revolution.
 
@@ -60,6 +57,7 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
+@drawing
 def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspension) -> Figure:
     """Settled orbits of the mass centre and of the springs' places on the block, in three planes.
 
@@ -85,6 +83,7 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     return figure
 
 
+@drawing
 def free_body_errors(compressor: Compressor, orbit: Orbit, suspension: Suspension) -> Figure:
     """Error of the free-body approximation against the frequency of the suspension.
 
@@ -144,11 +143,13 @@ def _errors(compressor, orbit, suspension, points, factors):
 # ---------------------------------------------------------------- balance
 
 
+@drawing
 def balance_figures(balance: Balance, title: str = "Vibration") -> dict[str, Figure]:
     """All pictures of a balance, by name."""
     return {"vibration": balance_bars(balance, title), "corrections": balance_polar(balance)}
 
 
+@drawing
 def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
     """Amplitude of every reading before and after, a panel for each speed."""
     system = balance.influence
@@ -183,6 +184,7 @@ def _weights_note(balance: Balance) -> str:
     return "\nSquares: weights to add."
 
 
+@drawing
 def balance_polar(balance: Balance) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
     unit, factor = small_unit(balance.influence.trial)

@@ -21,7 +21,7 @@ from rich.text import Text
 
 from .._core.display import behind
 from ..scene import Scene, describe
-from ..scene.interface import DescribedValue
+from ..scene._describe import DescribedValue
 from ._checks import Check, checks
 
 _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "warning", "dim": "faint"}

@@ -3,7 +3,6 @@
 Conventions (frame, degrees of freedom, time factor): `jaxcomp.rotor._conventions`.
 """
 
-from . import interface as interface
 from ._bodies import Disks as Disks
 from ._bodies import ModalDamping as ModalDamping
 from ._bodies import PointMasses as PointMasses

@@ -23,7 +23,8 @@ from .._core.exported import kept_jit
 from .._core.fields import is_traced, rebuilt, replaced
 from .._core.words import one_of
 from ..crankshaft import Crankshaft, MainBearings
-from ..crankshaft.interface import OF_ROTOR, ShaftBearings
+from ..crankshaft._bearings import ShaftBearings
+from ..crankshaft._crankshaft import OF_ROTOR
 from ..film import NamedBearing
 from ._links import Link, LoadedFilm, Mount
 from ._loads import Unbalances, nodal_load

@@ -24,7 +24,7 @@ from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import POSITIVE, Part, is_traced, quantity
 from ..film import AbstractSolvedFilm, JournalBearing, NamedBearing
-from ..film.interface import stiffness_damping
+from ..film._running import stiffness_damping
 from ._conventions import SPACE_AXES, check_axes
 from ._shaft import Node
 

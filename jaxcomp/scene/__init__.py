@@ -1,6 +1,5 @@
 """Machine files: machines in TOML with units, and the source of every value."""
 
-from . import interface as interface
 from ._annotated import start as start
 from ._change import optimised_scene as optimised_scene
 from ._change import with_value as with_value

@@ -45,7 +45,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         BadInput: a pattern that fits no number, or a design rule that is not made for the machine.
     """
     from ..study import variable
-    from ..study.interface import by_name, is_fraction  # only who changes a scene needs the studies
+    from ..study._variables import by_name, is_fraction
 
     entry_changes = {}
     rule_changes = {}
@@ -78,7 +78,7 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
 def _with_fractions(scene: Scene, fractions: Mapping[str, Any]) -> Scene:
     """A scene with other fractions of components of a mixture; those not named go in proportion."""
     from ..study import variable
-    from ..study.interface import changed
+    from ..study._variables import changed
 
     values = {path: float(to_si(value, "", path)) for path, value in fractions.items()}
     # an end of its range, so that a value beyond its bound is refused
@@ -99,7 +99,7 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
     if scene.compressor is None or scene.compressor.crankshaft.count == 1:
         return scene
     from ..study import variable
-    from ..study.interface import matching
+    from ..study._variables import matching
 
     count = scene.compressor.crankshaft.count
     single = single_numbers(scene.compressor)
@@ -133,7 +133,7 @@ def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
 
 def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
     """A copy of a scene with other entries of its file."""
-    from ..study.interface import matching, variable_names
+    from ..study._variables import matching, variable_names
 
     scene = with_lists(scene, changes)
     top_keys = {*entries(Compressor), *HEADER, *SECTIONS, *NAMED}

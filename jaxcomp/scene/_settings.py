@@ -109,7 +109,7 @@ def _path_of(key: str, names: Iterable[str], machine: "Machine | None") -> str:
     if machine is None:
         raise SceneError(key, problem)
     from ..study import variable
-    from ..study.interface import variable_names
+    from ..study._variables import variable_names
 
     name = known_name(key, variable_names(machine)) or key
     try:

@@ -4,7 +4,7 @@ from typing import Any
 
 from .._core.registry import DESIGN_RULES
 from ..study import variable
-from ..study.interface import list_length, variable_names
+from ..study._variables import list_length, variable_names
 from ._describe import describe
 from ._scene import Scene
 

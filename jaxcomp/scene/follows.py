@@ -12,13 +12,14 @@ from .._core.fields import subparts
 from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..fluid import AbstractRealGas, GasState, Mixture
-from ..fluid.interface import has_dew_line
+from ..fluid._real import has_dew_line
 from ..gas import PolytropicCycle
 from ..machine import machine_of
 from ..rotor import AXES, RotorModel, undamped_modes
-from ..rotor.interface import node_names, subset_names, subsets
+from ..rotor._model import subset_names, subsets
+from ..rotor._nodes import node_names
 from ..study import design_rules
-from ..study.interface import variable_names
+from ..study._variables import variable_names
 from ..vibration import Suspension
 from ._scene import Scene
 from ._text import cut

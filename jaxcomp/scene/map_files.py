@@ -9,7 +9,7 @@ from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..cylinder import Cylinder
 from ..fluid import AbstractRealGas
-from ..study.interface import MEASURED, terms_of
+from ..study.identification._readings import MEASURED, terms_of
 from ..study.rating import QUANTITIES, RATINGS, ZERO, Rating, RatingMap, polynomial_errors
 from ._scene import Scene
 from .map_formats import energyplus_text, tespy_text

@@ -26,7 +26,7 @@ from .._core.errors import BadInput
 from .._core.files import regular
 from .._core.words import did_you_mean
 from ..fluid import AbstractRealGas
-from ..fluid.interface import fluid_named
+from ..fluid.real_gas import fluid_named
 from ..study.rating import RatingMap, capacity_rise, polynomial_errors, polynomial_terms
 from ._settings import ERROR_OF, WORDS, known_name, measure_setting
 from ._table_text import cell_number

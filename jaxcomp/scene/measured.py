@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from .._core.errors import BadInput
 from ..machine import Machine
 from ..study import AbstractMeasurement, ModalTest, Table, Trace, VibrationTest, variable
-from ..study.interface import quantity_named, variable_names
+from ..study._analysis import quantity_named
+from ..study._variables import variable_names
 from ._columns import Columns
 from ._settings import (
     bare_name,

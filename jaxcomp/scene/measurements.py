@@ -39,7 +39,7 @@ from .._core.display import RPM
 from .._core.errors import BadInput
 from .._core.words import nearest
 from ..balancing import amplitude_influence, trial_influence
-from ..balancing.interface import Influence, InfluenceRow, Trials, fitted_influence
+from ..balancing._influence import Influence, InfluenceRow, Trials, fitted_influence
 from ._settings import known_name, settings_of
 from ._table_text import Head, TableText, cell_number, read_table_text
 from ._text import SceneError, reading

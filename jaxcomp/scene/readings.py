@@ -26,7 +26,9 @@ import numpy as np
 from .._core.words import did_you_mean
 from ..fluid import AbstractRealGas
 from ..study import Identification, Readings, design_rules
-from ..study.interface import MEASURED, CommonFactor, list_length, terms_of, varied
+from ..study._variables import list_length
+from ..study.identification._common_factor import CommonFactor, varied
+from ..study.identification._readings import MEASURED, terms_of
 from ..study.rating import RATINGS, ZERO, Rating
 from ._change import with_machine
 from ._columns import Columns

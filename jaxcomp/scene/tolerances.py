@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 from .._core.files import regular
 from ..machine import Machine
 from ..study import Identification, variable
-from ..study.interface import by_name
+from ..study._variables import by_name
 from ..study.tolerance import within
-from ..study.tolerance.interface import Within
+from ..study.tolerance._scatter import Within
 from ._text import SceneError, reading, toml_tables
 from ._units import to_si
 

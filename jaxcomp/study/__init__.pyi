@@ -1,5 +1,4 @@
 from . import accuracy as accuracy
-from . import interface as interface
 from . import rating as rating
 from . import sweep as sweep
 from . import tolerance as tolerance

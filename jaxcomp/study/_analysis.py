@@ -14,7 +14,7 @@ from .._core.registry import Quantity, is_external, offered_values, registered, 
 from .._core.status import Status
 from .._core.words import nearest, one_of
 from ..balancing import least_squares
-from ..balancing.interface import Influence, flexibilities, influence_of
+from ..balancing._influence import Influence, flexibilities, influence_of
 from ..compressor import Compressor
 from ..crank import (
     Collocation,
@@ -25,12 +25,13 @@ from ..crank import (
     performance,
     solve_orbit,
 )
-from ..crank.interface import time_harmonics
-from ..cylinder.interface import events_without_room, of_each
-from ..friction.interface import magnitude
+from ..crank._orbit import time_harmonics
+from ..cylinder._climb import events_without_room
+from ..cylinder._several import of_each
+from ..friction._loads import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
-from ..vibration.interface import CrankLoads
+from ..vibration._coupling import CrankLoads
 from ._ideal_delivery import IdealDelivery, ideal_delivery
 from ._options import AnalysisOptions
 from ._rotor_response import (

@@ -23,9 +23,9 @@ from .._core.polynomials import gauss
 from .._core.results import Data, Result
 from ..compressor import Compressor, of_each_cylinder, piston_strokes
 from ..crank import Orbit
-from ..crank.interface import time_harmonics
+from ..crank._orbit import time_harmonics
 from ..cylinder import Cycle, Cylinder
-from ..cylinder.interface import SeveralCycles
+from ..cylinder._several import SeveralCycles
 from ..gas import DoubleActing, PolytropicCycle, StagedCycle
 from ..mechanism import CrankState, SliderCrank
 

@@ -10,7 +10,7 @@ from .._core.errors import BadInput
 from .._core.fields import replaced
 from .._core.results import Data, Result
 from ..cylinder import Cylinder, LoadStep
-from ..cylinder.interface import with_settings
+from ..cylinder._ends import with_settings
 from ..machine import HasMachine, Machine, machine_of
 from ._steady_state import SteadyState, steady_state
 

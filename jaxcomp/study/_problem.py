@@ -18,9 +18,11 @@ from .._core.exported import kept_jit
 from .._core.results import Data, with_unit
 from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
-from ..crank.interface import default_collocation
+from ..crank._collocation import default_collocation
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import Climb, is_piped, options_of
+from ..cylinder._climb import Climb
+from ..cylinder._ends import options_of
+from ..cylinder._waves import is_piped
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
 from ._options import AnalysisOptions, checked_options

@@ -23,9 +23,10 @@ from ..rotor import (
     respond,
     transmitted_forces,
 )
-from ..rotor.interface import load_vector, node_names
+from ..rotor._loads import load_vector
+from ..rotor._nodes import node_names
 from ..vibration import crank_loads, running_rotor
-from ..vibration.interface import CrankLoads
+from ..vibration._coupling import CrankLoads
 from ._options import AnalysisOptions, KnownResponse, Reading
 
 

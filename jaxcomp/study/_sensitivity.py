@@ -16,7 +16,7 @@ from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.results import Data, Result
 from ..crank import Collocation
-from ..crank.interface import default_collocation
+from ..crank._collocation import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
 from ._analysis import DesignResult

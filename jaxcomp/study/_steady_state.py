@@ -27,9 +27,11 @@ from ..crank import (
     solve_orbit,
     train_torques,
 )
-from ..crank.interface import film_thickness, moved_films
+from ..crank._films import film_thickness
+from ..crank._journal_orbit import moved_films
 from ..cylinder import Cycle
-from ..cylinder.interface import GRAZING, of_each
+from ..cylinder._cycle import GRAZING
+from ..cylinder._several import of_each
 from ..fluid import AbstractRealGas
 from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of

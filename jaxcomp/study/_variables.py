@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import ANY, NONNEGATIVE, Bound, Part, at, plausible, quantities, rebuilt
 from .._core.words import hint
-from ..crankshaft.interface import OF_ROTOR
+from ..crankshaft._crankshaft import OF_ROTOR
 from ..fluid import Mixture
 from ..machine import Machine, follows_rotor
 from ._rules import design_rules

@@ -27,11 +27,14 @@ from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, HasCompressor, compressor_of
 from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, solve_orbit
-from ..crank.interface import default_collocation
+from ..crank._collocation import default_collocation
 from ..cylinder import CycleOptions, Cylinder
-from ..cylinder.interface import Climb, events_without_room, is_piped, of_each, options_of
+from ..cylinder._climb import Climb, events_without_room
+from ..cylinder._ends import options_of
+from ..cylinder._several import of_each
+from ..cylinder._waves import is_piped
 from ..fluid import AbstractRealGas
-from ..fluid.interface import has_dew_line
+from ..fluid._real import has_dew_line
 from ..motor import ConstantSpeed
 
 if TYPE_CHECKING:

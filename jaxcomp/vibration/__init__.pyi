@@ -1,4 +1,3 @@
-from . import interface as interface
 from ._block import BlockVibration as BlockVibration
 from ._block import Harmonics as Harmonics
 from ._block import block_response as block_response

@@ -23,7 +23,7 @@ from .._core.nested import fields_of, records
 from .._core.results import Data, Result, reading
 from ..compressor import Compressor
 from ..crank import Orbit
-from ..crank.interface import time_harmonics
+from ..crank._orbit import time_harmonics
 from ..rotor import harmonic_response, undamped_modes
 from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about

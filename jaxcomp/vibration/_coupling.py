@@ -21,14 +21,14 @@ from .._core.fields import rebuilt, replaced
 from .._core.words import one_of
 from ..compressor import Compressor, at_speed
 from ..crank import Collocation, Orbit, journal_films, solve_orbit
-from ..crankshaft.interface import shares
+from ..crankshaft._bearings import shares
 from ..film import DynamicCoefficients, NamedBearing
-from ..film.interface import stiffness_damping
+from ..film._running import stiffness_damping
 from ..machine import Assembly, Machine
 from ..mechanism import SliderLink, Vector
 from ..motor import ConstantSpeed
 from ..rotor import ConstantLaw, LoadedFilm, PeriodicForce, RotorModel, SpeedTable, Unbalances
-from ..rotor.interface import main_films
+from ..rotor._crankshaft import main_films
 from ._crank_forces import crank_forces
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from .._core.errors import BadInput, kind_text
 from ..compressor import Compressor, first_top, instants
 from ..crank import Orbit
 from ..mechanism import SliderCrank, SliderLink, rod_motion
-from ..mechanism.interface import contact_arms
+from ..mechanism._slider_link import contact_arms
 from ..rotor import CrankNodes, PeriodicForce
 
 

@@ -17,7 +17,9 @@ from .._core.errors import BadInput
 from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
-from ..rotor.interface import NO_CRANK, System, critical_speeds_between
+from ..rotor._campbell import critical_speeds_between
+from ..rotor._solve import NO_CRANK
+from ..rotor._system import System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
 if TYPE_CHECKING:

@@ -16,7 +16,9 @@ from .._core.words import one_of
 from ..film import JournalBearing
 from ..machine import HasMachine, Machine, machine_of
 from ..rotor import AXES, Response, RotorModel, orbit, transmitted_forces
-from ..rotor.interface import SIZE, WhirlOrbit, node_names, size_of
+from ..rotor._modes_at_speeds import SIZE, size_of
+from ..rotor._nodes import node_names
+from ..rotor._response import WhirlOrbit
 from ._coupling import open_films, with_film_linearisation
 from ._machine import respond, rotor_at
 

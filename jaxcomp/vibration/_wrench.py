@@ -25,7 +25,7 @@ from ..mechanism import (
     rod_motion,
     rotating,
 )
-from ..mechanism.interface import cross
+from ..mechanism._base import cross
 
 
 class Wrench(NamedTuple):

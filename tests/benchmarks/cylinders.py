@@ -27,7 +27,7 @@ from crank.test_several_cylinders import GOLDEN, LAYOUTS, several
 from helpers import named_leaves
 
 from jaxcomp import Collocation, load, solve_orbit
-from jaxcomp.crank.interface import default_collocation
+from jaxcomp.crank._collocation import default_collocation
 
 # Panels of many designs, and all that the kinks make where they coincide.
 PANELS = {1: 7, 2: 11, 4: 14, 8: 24}

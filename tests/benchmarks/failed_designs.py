@@ -18,7 +18,7 @@ from crank.test_many_designs import RANGES
 
 from jaxcomp import load, sweep
 from jaxcomp.study.sweep import uniform
-from jaxcomp.study.sweep.interface import status_words
+from jaxcomp.study.sweep._store import status_words
 
 
 def solved(designs: int, seed: int):

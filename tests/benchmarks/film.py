@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcomp import film as films
+from jaxcomp.film._film import AbstractCarryingFilm, film_ratio, load_number_at
 from jaxcomp.film._reference import GRIDS
 
 EPS, RATIOS = (0.01, 0.97), (0.1, 2.0)
@@ -43,7 +44,7 @@ def evaluated(model):
 
     def one(eps, q):
         film = model(q)
-        load = films.interface.load_number_at(film, eps)
+        load = load_number_at(film, eps)
         out = [load, film.friction_number(load)]
         if isinstance(film, films.AbstractSolvedFilm):
             out += films.dynamic_coefficients(film, load)
@@ -82,14 +83,12 @@ def tasks(model, ratio=None):
     fixed = None if ratio is None else model(ratio)
     film = (lambda q: fixed) if ratio is not None else model
     yield "friction of load", lambda load, q: film(q).friction_number(load)
-    if issubclass(model, films.interface.AbstractCarryingFilm):
+    if issubclass(model, AbstractCarryingFilm):
         yield (
             "load of position",
-            lambda load, q: (lambda f: films.interface.load_number_at(f, load / (1 + load)))(
-                film(q)
-            ),
+            lambda load, q: (lambda f: load_number_at(f, load / (1 + load)))(film(q)),
         )
-        yield "position of load", lambda load, q: films.interface.film_ratio(film(q), load)
+        yield "position of load", lambda load, q: film_ratio(film(q), load)
     if issubclass(model, films.AbstractSolvedFilm):
         yield (
             "K and C of load",

@@ -16,8 +16,8 @@ import numpy as np
 from jaxcomp import load
 from jaxcomp.machine import machine_of
 from jaxcomp.study import Readings, Trace, identify
+from jaxcomp.study.identification._common_factor import varied
 from jaxcomp.study.identification._reading_model import ReadingModel
-from jaxcomp.study.interface import varied
 
 CONSTANTS = (
     "gas.clearance_ratio",

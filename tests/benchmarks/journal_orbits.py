@@ -23,9 +23,9 @@ from crank.test_journal_orbits import PIN, SPEED, fine_edges, pin_load
 from cylinders import least
 
 from jaxcomp import Collocation, load, solve_orbit
-from jaxcomp.crank.interface import journal_orbit
+from jaxcomp.crank._journal_orbit import journal_orbit
 from jaxcomp.film import JournalBearing
-from jaxcomp.film.interface import film_unit, squeeze_of
+from jaxcomp.film._bearing import film_unit, squeeze_of
 from jaxcomp.scene import with_value
 
 EXACT = Collocation(nodes=16, grading=4, tolerance=1e-13)

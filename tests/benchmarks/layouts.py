@@ -18,8 +18,8 @@ from jaxcomp.machine import Machine
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import MeanSpeed
 from jaxcomp.study.accuracy._orbit import orbit_reference
+from jaxcomp.study.accuracy._report import Measurement
 from jaxcomp.study.accuracy._study import Question, SolverProgram, Study
-from jaxcomp.study.accuracy.interface import Measurement
 
 # Layouts that fire evenly but for the twin.
 LAYOUTS = {1: "single", 2: "V90", 4: "V90x2", 8: "VV45x2"}

@@ -23,9 +23,10 @@ from scipy.integrate import solve_ivp
 from jaxcomp import BadInput, Collocation, TimeIntegration, simulate, solve_orbit
 from jaxcomp._core.status import Status
 from jaxcomp.compressor import Compressor, kink_angles
-from jaxcomp.crank.interface import acceleration
+from jaxcomp.crank._motion import acceleration
 from jaxcomp.study.accuracy import Report
 from jaxcomp.study.accuracy._extremes import with_slip
+from jaxcomp.study.accuracy._report import Reference
 from jaxcomp.study.accuracy._study import (
     Call,
     Compiled,
@@ -36,7 +37,6 @@ from jaxcomp.study.accuracy._study import (
     digits,
     series,
 )
-from jaxcomp.study.accuracy.interface import Reference
 
 _STEPS = (1, 2, 3, 4, 5, 6, 8, 16, 32, 64, 128)
 _MANY = 512

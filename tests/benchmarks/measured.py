@@ -27,7 +27,7 @@ from jaxcomp.scene import with_value
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.study import identify, map_recipe
 from jaxcomp.study.identification._reading_model import ReadingModel
-from jaxcomp.study.interface import with_own_factors
+from jaxcomp.study.identification._readings import with_own_factors
 from jaxcomp.study.rating import capacity_rise
 
 ZERO, TURN = 273.15, 2 * np.pi

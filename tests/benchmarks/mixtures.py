@@ -19,7 +19,7 @@ import jax
 from jaxcomp import load
 from jaxcomp.cylinder import CycleOptions, Cylinder, solve_cycle
 from jaxcomp.fluid import AbstractFluid, Mixture, RealGas
-from jaxcomp.fluid.interface import fluid_named
+from jaxcomp.fluid.real_gas import fluid_named
 
 SPEED = 309.0  # [rad/s]
 # the least of many, as other work on the machine disturbs most of them

@@ -16,7 +16,7 @@ SETTINGS = [(nodes, reversals, tol) for nodes, reversals in ((8, 0), (32, 0), (8
 def measured(name):
     """Efficiency and seconds of every setting, and of the reference, in the precision of this process."""
     from jaxcomp import Collocation, load, solve_orbit
-    from jaxcomp.study.accuracy.interface import Program
+    from jaxcomp.study.accuracy._study import Program
 
     machine = load(name).compressor
 

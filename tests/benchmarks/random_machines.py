@@ -29,7 +29,7 @@ from crank.test_journal_orbits import PIN
 from cylinder.test_cylinder import SCATTERED, SPEED, inertial, mechanism, restitutions
 
 from jaxcomp import Collocation, Shooting, load, solve_orbit
-from jaxcomp.crank.interface import default_collocation
+from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.scene import with_value
 

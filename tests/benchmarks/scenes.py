@@ -14,17 +14,16 @@ import equinox as eqx
 
 from jaxcomp import BadInput, load
 from jaxcomp.compressor import Compressor
-from jaxcomp.crankshaft.interface import bearing_names
+from jaxcomp.crankshaft._bearings import bearing_names
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import CoulombJournal, RegularisedJournal, SliderCrankFriction
 from jaxcomp.machine import Machine, assembled, machine_of
 from jaxcomp.motor import ConstantSpeed
 from jaxcomp.rotor import BalancingPlanes, LoadCase, RotorModel, TargetPlane
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.accuracy._study import answer
-from jaxcomp.study.accuracy.interface import Program
+from jaxcomp.study.accuracy._study import Program, answer
 from jaxcomp.vibration import loaded_rotor
-from jaxcomp.vibration.interface import without
+from jaxcomp.vibration._coupling import without
 
 # The film journals that stand in for the scene's own where it has none: usual proportions.
 _LENGTH_RATIO, _CLEARANCE_RATIO, _VISCOSITY = 0.5, 1e-3, 5e-3  # [-], [-], [Pa s]

@@ -35,18 +35,23 @@ from benchmarks import layouts, march
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
 from jaxcomp.balancing import bounded, least_squares, min_max
-from jaxcomp.balancing.interface import Influence
+from jaxcomp.balancing._influence import Influence
 from jaxcomp.cli._accuracy import _duration, _times, accuracy_tables
 from jaxcomp.cli._output import show_results
 from jaxcomp.cli._tables import column_table, row_table
 from jaxcomp.rotor import RotorModel, ShaftElements
 from jaxcomp.study import DesignResult, prepared, problem, variable
+from jaxcomp.study._analysis import quantity_named
+from jaxcomp.study._variables import variable_names
+from jaxcomp.study.accuracy._accuracy import StudyKind
 from jaxcomp.study.accuracy._extremes import scaled
 from jaxcomp.study.accuracy._orbit import orbit_reference, shooting
+from jaxcomp.study.accuracy._report import Reference
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
     TIGHT_TOLERANCE,
     Call,
+    Program,
     Question,
     Setting,
     Solved,
@@ -54,8 +59,6 @@ from jaxcomp.study.accuracy._study import (
     Study,
     no_value,
 )
-from jaxcomp.study.accuracy.interface import Program, Reference, StudyKind
-from jaxcomp.study.interface import quantity_named, variable_names
 from jaxcomp.study.tolerance import within
 from jaxcomp.study.tolerance._moments import local, moments, solved_rows
 from jaxcomp.study.tolerance._scatter import drawn_normals, scatter_of

@@ -18,7 +18,7 @@ import numpy as np
 
 from jaxcomp import Compressor, Orbit, SolveFailed, load, solve_orbit
 from jaxcomp._core.status import names_of_codes
-from jaxcomp.cylinder.interface import of_each
+from jaxcomp.cylinder._several import of_each
 from jaxcomp.scene import with_value
 
 MACHINES = (

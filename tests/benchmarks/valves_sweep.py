@@ -19,7 +19,7 @@ import numpy as np
 
 from jaxcomp import load, sweep
 from jaxcomp.study.sweep import log_uniform
-from jaxcomp.study.sweep.interface import status_words
+from jaxcomp.study.sweep._store import status_words
 
 MACHINE = "r134a-7cc"
 RPM = 2 * np.pi / 60

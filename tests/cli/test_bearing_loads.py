@@ -21,7 +21,7 @@ from jaxcomp import JournalBearing, SolveFailed, Status
 from jaxcomp._core.results import load_result
 from jaxcomp.cli import app
 from jaxcomp.crank import LoadTable, loaded_journal
-from jaxcomp.crank.interface import journal_orbit
+from jaxcomp.crank._journal_orbit import journal_orbit
 from jaxcomp.parts import BadInput
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.load_tables import read_loads

@@ -60,7 +60,7 @@ def test_folder_has_picture_and_result(film, folder):
 def test_table_names_the_cheapest_setting_and_the_floor(film):
     from jaxcomp.cli._accuracy import accuracy_tables
     from jaxcomp.study.accuracy import Report
-    from jaxcomp.study.accuracy.interface import Cost, Measurement, Reference
+    from jaxcomp.study.accuracy._report import Cost, Measurement, Reference
 
     failed = Measurement("b", "two", np.inf, 1.0, 1.0, why="the joints lock")
     made = Measurement("a", "one", 1e-4, 2e-3, 1.0, lines=5000), failed

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from jaxcomp import JournalBearing
 from jaxcomp.cli import app
 from jaxcomp.film import AsperityContact, iso_vg_viscosity, reference_solution, steady_bearing
-from jaxcomp.film.interface import friction_moment
+from jaxcomp.film._bearing import friction_moment
 
 GIVEN = {
     "length": "20 mm",

@@ -24,7 +24,7 @@ from jaxcomp.scene import (
     start,
     with_value,
 )
-from jaxcomp.scene.interface import starts
+from jaxcomp.scene._annotated import starts
 from jaxcomp.study import design_rules
 
 # Five faults in four sections; everything else is as `jaxcomp new` writes it.

@@ -7,10 +7,10 @@ from typer.testing import CliRunner
 from jaxcomp import solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._tables import comparison_table
-from jaxcomp.plot.interface import compared_losses
+from jaxcomp.plot._designs import compared_losses
 from jaxcomp.scene import load, with_value
 from jaxcomp.study import Comparison
-from jaxcomp.study.interface import ComparedQuantity
+from jaxcomp.study._compared import ComparedQuantity
 
 
 def compare(*arguments):

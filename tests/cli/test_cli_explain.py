@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from jaxcomp.cli import app
 from jaxcomp.scene import SceneError
+from jaxcomp.scene._explain import explained, part_places
 from jaxcomp.scene._read import Reader
 from jaxcomp.scene._schema import Number, entries
-from jaxcomp.scene.interface import explained, part_places
 
 PARTS = list(part_places().items())
 

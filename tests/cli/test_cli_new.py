@@ -19,8 +19,8 @@ from jaxcomp.scene import (
     start,
     with_value,
 )
-from jaxcomp.scene._schema import entries
-from jaxcomp.scene.interface import SECTIONS, start_from, starts
+from jaxcomp.scene._annotated import start_from, starts
+from jaxcomp.scene._schema import SECTIONS, entries
 
 KINDS = list(starts())
 

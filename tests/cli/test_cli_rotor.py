@@ -10,8 +10,9 @@ import pytest
 from helpers import read_json
 from typer.testing import CliRunner
 
-from jaxcomp import BadInput, plot
+from jaxcomp import BadInput
 from jaxcomp.cli import app
+from jaxcomp.plot._rotor import campbell_diagram, rotor_drawing
 from jaxcomp.rotor import (
     CampbellDiagram,
     ConstantLaw,
@@ -29,7 +30,8 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
-from jaxcomp.rotor.interface import critical_speeds_between, node_positions, subset_names, subsets
+from jaxcomp.rotor._campbell import critical_speeds_between
+from jaxcomp.rotor._model import node_positions, subset_names, subsets
 from jaxcomp.scene import SceneError, describe, dump, load, loads
 
 RPM = np.pi / 30
@@ -179,7 +181,7 @@ def test_a_compressor_alone_does_not_import_the_rotor():
 
 def test_films_are_the_film_models_at_their_load():
     from jaxcomp.film import JournalBearing
-    from jaxcomp.film.interface import stiffness_damping
+    from jaxcomp.film._running import stiffness_damping
 
     load_, spin = jnp.array([300.0, -400.0]), jnp.asarray(314.0)
     found = {}
@@ -476,7 +478,7 @@ def test_a_response_without_an_answer_ends_in_one_line(tmp_path):
 
 def test_pictures_show_the_numbers(file):
     model = load(file).parts["rotor"]
-    figure = plot.interface.rotor_drawing(model)
+    figure = rotor_drawing(model)
     labels = " ".join(t.get_text() for t in figure.axes[0].texts)
     assert "case, 10 kg" in labels
     assert "ground" in labels
@@ -488,7 +490,7 @@ def test_pictures_show_the_numbers(file):
     modes = DampedModes(eigenvalue, np.zeros((2, 2, 1, 4)), whirl, np.zeros(2))
     critical = CriticalSpeeds(np.array([15.5]), np.array([-0.93]), np.zeros(1))
     campbell = CampbellDiagram(np.array([10.0, 20.0]), modes, critical)
-    ax = plot.interface.campbell_diagram(campbell).axes[0]
+    ax = campbell_diagram(campbell).axes[0]
     circle = next(line for line in ax.lines if line.get_label() == "critical speed")
     np.testing.assert_allclose(circle.get_xydata(), [[15.5 / RPM, 15.5 / (2 * np.pi)]])
     forward = next(line for line in ax.lines if line.get_label() == "forward")

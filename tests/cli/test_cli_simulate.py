@@ -67,7 +67,7 @@ def test_folder_has_picture_report_and_result(stop, folder):
 
 
 def test_picture_shows_speed_and_works(stop):
-    from jaxcomp.plot.interface import transient_figure
+    from jaxcomp.plot._transient import transient_figure
 
     scene = with_value(load("mayekawa-wbhe"), "motor", MOTOR)
     found = simulate(

@@ -10,7 +10,7 @@ from rich.table import Table
 from jaxcomp.cli._output import print_tables
 from jaxcomp.cli._run_tables import _power
 from jaxcomp.cli._tables import fitted, row_table
-from jaxcomp.crank.interface import POWER
+from jaxcomp.crank._performance import POWER
 
 ROWS = (
     ("Main journal of the crankshaft", "0.57013", "28.031", "68.2 %", "of all losses"),

@@ -10,11 +10,11 @@ from jaxcomp.cli._start import CommandError
 from jaxcomp.cli._sweep import axis_values
 from jaxcomp.cli._tables import comparison_table
 from jaxcomp.scene import SceneError
-from jaxcomp.scene.interface import to_si
+from jaxcomp.scene._units import to_si
 from jaxcomp.scene.tolerances import read_tolerance
 from jaxcomp.study import Comparison
+from jaxcomp.study._compared import ComparedQuantity
 from jaxcomp.study._sensitivity import Influence
-from jaxcomp.study.interface import ComparedQuantity
 
 ROOM = shown("gas.suction.temperature", "K", 305.35)
 RISE = shown("gas.suction.superheat", "K", 10.0)

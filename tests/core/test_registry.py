@@ -16,7 +16,7 @@ from jaxcomp.cli._output import result_files
 from jaxcomp.cli._run_tables import run_tables
 from jaxcomp.scene import SceneError, with_values
 from jaxcomp.study import available_quantities, steady_state, variable
-from jaxcomp.study.interface import by_name, matching
+from jaxcomp.study._variables import by_name, matching
 
 FAST = ["--accuracy", "coarse"]
 

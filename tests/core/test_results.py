@@ -34,7 +34,7 @@ from jaxcomp._core.saved import class_address, class_at
 from jaxcomp.balancing import least_squares, trial_influence
 from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.crank import Orbit, TrainTorques
-from jaxcomp.crank.interface import journal_orbit
+from jaxcomp.crank._journal_orbit import journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.film import JournalBearing, operating_point, pressure_field, steady_bearing
 from jaxcomp.friction._slider_crank import SliderCrankLoop
@@ -52,14 +52,15 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.study import Comparison, ParetoFront, steady_state
+from jaxcomp.study._compared import ComparedQuantity
 from jaxcomp.study.accuracy import Extreme, Extremes, Report
-from jaxcomp.study.accuracy.interface import Measurement, Reference
-from jaxcomp.study.interface import ComparedQuantity
+from jaxcomp.study.accuracy._report import Measurement, Reference
 from jaxcomp.study.rating import RatingMap
-from jaxcomp.study.sweep.interface import BestCurve
+from jaxcomp.study.sweep._best import BestCurve
 from jaxcomp.study.tolerance import Tolerances
 from jaxcomp.vibration import Harmonics, rotor_modes
-from jaxcomp.vibration.interface import BlockMotion, CrankForces
+from jaxcomp.vibration._block import BlockMotion
+from jaxcomp.vibration._crank_forces import CrankForces
 
 
 def rotor():

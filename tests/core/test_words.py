@@ -6,7 +6,7 @@ import pytest
 from jaxcomp import BadInput
 from jaxcomp._core.errors import value_text
 from jaxcomp._core.words import did_you_mean, nearest
-from jaxcomp.study.interface import quantity_named
+from jaxcomp.study._analysis import quantity_named
 
 NAMES = ["cop", "capacity", "impact_speed.<contact>", "loss_power.wall", "loss_power.pin", "R290"]
 

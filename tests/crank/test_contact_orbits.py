@@ -10,9 +10,10 @@ from scipy.integrate import solve_ivp
 
 from jaxcomp import JournalBearing, Status, load, solve_orbit
 from jaxcomp.crank import Collocation, journal_films
-from jaxcomp.crank.interface import journal_orbit
+from jaxcomp.crank._journal_orbit import journal_orbit
 from jaxcomp.film import AsperityContact
-from jaxcomp.film.interface import film_unit, shear_drag, squeeze_of
+from jaxcomp.film._bearing import film_unit, squeeze_of
+from jaxcomp.film._placed import shear_drag
 from jaxcomp.scene import with_value
 
 SPEED = 300.0

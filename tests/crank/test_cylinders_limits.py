@@ -18,7 +18,7 @@ from jaxcomp.friction import Packing, SliderCrankFriction
 from jaxcomp.gas import StagedCycle
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.motor import MeanSpeed
-from jaxcomp.study.accuracy.interface import Measurement
+from jaxcomp.study.accuracy._report import Measurement
 from jaxcomp.vibration import shaking_wrench
 
 # One program of each layout: outside of a program every operation is compiled by itself.

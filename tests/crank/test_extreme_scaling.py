@@ -19,7 +19,8 @@ from rotor.test_extreme_rotors import line
 
 from jaxcomp import Collocation, JournalBearing, solve_orbit
 from jaxcomp._core.fields import POSITIVE, quantities, replaced, subparts
-from jaxcomp.film.interface import friction_moment, stiffness_damping
+from jaxcomp.film._bearing import friction_moment
+from jaxcomp.film._running import stiffness_damping
 from jaxcomp.rotor import Unbalances, respond
 
 # (L, M, T): a crank of 1 mm and one of 1 m at the same pressures, densities and piston speeds; units

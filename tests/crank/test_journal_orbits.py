@@ -15,9 +15,10 @@ from jaxcomp import ConstantSpeed, SolveFailed, Status, load, loads, simulate, s
 from jaxcomp._core.polynomials import gauss
 from jaxcomp.compressor import instants, kink_angles, loop_of
 from jaxcomp.crank import Collocation, Shooting, TimeIntegration, journal_films
-from jaxcomp.crank.interface import journal_orbit, moved_films
+from jaxcomp.crank._journal_orbit import journal_orbit, moved_films
 from jaxcomp.film import JournalBearing
-from jaxcomp.film.interface import film_unit, squeeze_of, stiffness_damping
+from jaxcomp.film._bearing import film_unit, squeeze_of
+from jaxcomp.film._running import stiffness_damping
 from jaxcomp.mechanism import CrankState, rod_motion
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities

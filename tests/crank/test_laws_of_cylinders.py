@@ -11,12 +11,12 @@ from crank.test_several_cylinders import COARSE, LAYOUTS, several
 
 from jaxcomp import BadInput, SceneError, load, loads, solve_orbit
 from jaxcomp.compressor import instants, kink_angles, loads_at
-from jaxcomp.crank.interface import film_thickness
+from jaxcomp.crank._films import film_thickness
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import CoulombJournal, CoulombSlide, RegularisedJournal, RegularisedSlide
-from jaxcomp.friction.interface import EachJournal, EachSlide
+from jaxcomp.friction._base import EachJournal, EachSlide
 from jaxcomp.gas import CrankAngleTable, PolytropicCycle, StagedCycle
-from jaxcomp.gas.interface import EachGas
+from jaxcomp.gas._base import EachGas
 from jaxcomp.mechanism import CrankState
 from jaxcomp.scene import with_values
 

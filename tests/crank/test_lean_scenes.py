@@ -10,7 +10,7 @@ from benchmarks.scenes import lean_program, lean_scenes
 
 from jaxcomp import Collocation, load
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.accuracy.interface import Program
+from jaxcomp.study.accuracy._study import Program
 
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 

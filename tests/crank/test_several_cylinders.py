@@ -39,7 +39,9 @@ from jaxcomp.crank import (
     train_torques,
 )
 from jaxcomp.crank._collocation import _of_count
-from jaxcomp.crank.interface import film_thickness, throw_inertias, throw_torques, time_harmonics
+from jaxcomp.crank._films import film_thickness
+from jaxcomp.crank._orbit import time_harmonics
+from jaxcomp.crank._torsion import throw_inertias, throw_torques
 from jaxcomp.crankshaft import Crankshaft, MainBearings, Throw, counterweights
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
@@ -53,7 +55,7 @@ from jaxcomp.machine import Machine
 from jaxcomp.mechanism import CrankState, SliderCrank, Vector
 from jaxcomp.motor import MeanSpeed, SlipLine
 from jaxcomp.plot import order_spectra
-from jaxcomp.plot.interface import cylinders_motion
+from jaxcomp.plot._animate import cylinders_motion
 from jaxcomp.rotor import (
     Disks,
     Link,
@@ -66,7 +68,7 @@ from jaxcomp.rotor import (
 )
 from jaxcomp.scene import with_values
 from jaxcomp.study import AnalysisOptions, DesignResult
-from jaxcomp.study.sweep.interface import sweep_machines
+from jaxcomp.study.sweep._run import sweep_machines
 from jaxcomp.vibration import crank_forces, shaking_wrench
 
 # rods on throws at 0 and 180 degrees: [deg] of the throw, [m], banks [deg], unbalance [kg m]

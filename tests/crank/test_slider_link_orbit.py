@@ -22,7 +22,6 @@ from jaxcomp import (
     Collocation,
     Status,
     TimeIntegration,
-    plot,
     simulate,
     solve_orbit,
 )
@@ -31,6 +30,7 @@ from jaxcomp.friction import OilPump, SliderLinkFriction, ThrustBearing
 from jaxcomp.gas import PolytropicCycle
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import Kloss
+from jaxcomp.plot._crank import orbit_figures
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.vibration import (
     block_response,
@@ -39,7 +39,7 @@ from jaxcomp.vibration import (
     shaking_wrench,
     time_response,
 )
-from jaxcomp.vibration.interface import free_body_response, point_motion
+from jaxcomp.vibration._block import free_body_response, point_motion
 
 # The loads of crown, edge and slider change sides up to ten times in a turn.
 SOLVER = Collocation(reversals=12)
@@ -218,7 +218,7 @@ def test_command_line_reports_vibration_and_losses():
 @pytest.mark.slow
 def test_pictures_of_loads_and_vibration(isobutane, tmp_path):
     orbit, _, load = isobutane
-    figures = plot.interface.orbit_figures(household(), orbit, suspension())
+    figures = orbit_figures(household(), orbit, suspension())
     assert {"bearing_loads", "shaking_force", "vibration_orbits", "free_body_errors"} < set(figures)
     for name in ("bearing_loads", "vibration_orbits", "free_body_errors"):
         figures[name].savefig(tmp_path / f"{name}.png", dpi=60)

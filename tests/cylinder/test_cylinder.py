@@ -26,7 +26,7 @@ from jaxcomp.cylinder import (
     solve_cycle,
 )
 from jaxcomp.fluid import PerfectGas, RealGas
-from jaxcomp.plot.interface import cylinder_figures
+from jaxcomp.plot._cylinder import cylinder_figures
 from jaxcomp.valve import CheckValve, PlateValve, ReedBeam
 
 SPEED = 2950 * 2 * np.pi / 60

@@ -18,7 +18,7 @@ from jaxcomp.cli._run_tables import undelivered_tables
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.cylinder.interface import SeveralCycles
+from jaxcomp.cylinder._several import SeveralCycles
 from jaxcomp.motor import MotorEfficiency
 from jaxcomp.scene import with_value
 from jaxcomp.study import available_quantities

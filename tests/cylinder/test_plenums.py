@@ -12,9 +12,10 @@ from reference_valves import Reference
 from jaxcomp import load
 from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
+from jaxcomp.cylinder._cylinder import prepare
 from jaxcomp.cylinder._plenum import chain_scales
-from jaxcomp.cylinder.interface import Cylinders, prepare
-from jaxcomp.plot.interface import valve_motion
+from jaxcomp.cylinder._system import Cylinders
+from jaxcomp.plot._cylinder import valve_motion
 
 
 def test_the_periodic_state_returns_in_scipy():

@@ -13,7 +13,8 @@ from jaxcomp._core.fields import replaced
 from jaxcomp.crank import Collocation, TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Annand, CycleOptions, WallNetwork, solve_cycle
-from jaxcomp.cylinder.interface import Cylinders, prepare
+from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._system import Cylinders
 from jaxcomp.scene import with_values
 
 

@@ -10,8 +10,12 @@ from cylinder.test_cylinder import SPEED, golden, mechanism
 from jaxcomp import SolveFailed, Status
 from jaxcomp._core.fields import rebuilt
 from jaxcomp.cylinder import CrankEnd, CycleOptions, LaminarGap, solve_cycle
+from jaxcomp.cylinder._climb import Climb
+from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._ends import options_of
+from jaxcomp.cylinder._options import may_lack_room
 from jaxcomp.cylinder._revolutions import march
-from jaxcomp.cylinder.interface import Climb, Cylinders, may_lack_room, options_of, prepare
+from jaxcomp.cylinder._system import Cylinders
 
 TOO_MANY = Status.too_many_events
 

@@ -14,7 +14,7 @@ from reference_valves import Reference
 
 from jaxcomp import Status
 from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.cylinder.interface import GRAZING
+from jaxcomp.cylinder._cycle import GRAZING
 
 OPTIONS = CycleOptions(nodes=8, panels=96)
 # [m] to which the suction valve of the air machine lifts without a stop: the reference's own

@@ -16,7 +16,6 @@ from jaxcomp import (
     SliderCrankFriction,
     Status,
     load,
-    plot,
     simulate,
     solve_orbit,
 )
@@ -24,6 +23,7 @@ from jaxcomp.crank import TimeIntegration
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder import CycleOptions, Plenum, solve_cycle
 from jaxcomp.motor import ConstantTorque, SlipLine
+from jaxcomp.plot._transient import transient_figure, transient_gas_figure
 from jaxcomp.scene import with_value
 from jaxcomp.valve import OilFilm
 
@@ -224,10 +224,10 @@ def test_pictures_show_the_pressure_and_the_end():
         angle=0.7,
         options=OPTIONS,
     )
-    motion = plot.interface.transient_figure(found, "air", 0.1)
+    motion = transient_figure(found, "air", 0.1)
     course = motion.axes[1].lines[0].get_ydata()
     np.testing.assert_allclose(course, np.asarray(found.gas.pressure[0]) / 1e6)
-    close = plot.interface.transient_gas_figure(found, "air", 0.1)
+    close = transient_gas_figure(found, "air", 0.1)
     assert len(close.axes[0].lines) == 2  # the pressure, and the instant of power-off
     lift = close.axes[1].lines[0].get_ydata()
     assert (

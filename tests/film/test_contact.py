@@ -12,17 +12,11 @@ from scipy.optimize import brentq
 
 from jaxcomp import BadInput, JournalBearing, load
 from jaxcomp.film import AsperityContact, Reynolds, minimum_film, operating_point, stribeck_curve
-from jaxcomp.film._contact import mean_excess, mean_excess_halves
-from jaxcomp.film.interface import (
-    contact_moment,
-    elastic_factor,
-    friction_moment,
-    ring_contact,
-    running_state,
-    stiffness_damping,
-)
+from jaxcomp.film._bearing import contact_moment, friction_moment, ring_contact
+from jaxcomp.film._contact import elastic_factor, mean_excess, mean_excess_halves
+from jaxcomp.film._running import running_state, stiffness_damping
 from jaxcomp.scene import SceneError, with_value
-from jaxcomp.scene.interface import to_si
+from jaxcomp.scene._units import to_si
 
 ROUGH = AsperityContact(0.3e-6, 0.1, 60e9)
 SMOOTH = JournalBearing(0.0478, 0.0172, 23.9e-6, 6.8e-3)

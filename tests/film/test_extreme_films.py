@@ -18,13 +18,9 @@ from jaxcomp.film import (
     minimum_film,
     reference_solution,
 )
-from jaxcomp.film.interface import (
-    eccentricity_ratio,
-    film_ratio,
-    friction_moment,
-    load_number_at,
-    prepare,
-)
+from jaxcomp.film._bearing import friction_moment, prepare
+from jaxcomp.film._film import film_ratio, load_number_at
+from jaxcomp.film._running import eccentricity_ratio
 
 MODELS = [Reynolds, GroovedReynolds, Ocvirk, ExplicitFit]
 LOADS = np.logspace(-5, 7, 49)

@@ -21,24 +21,18 @@ from jaxcomp.film import (
     iso_vg_viscosity,
     minimum_film,
 )
-from jaxcomp.film._film import _forces
-from jaxcomp.film.interface import (
-    bush_moment,
+from jaxcomp.film._bearing import entrainment_speed, friction_moment, load_number, prepare
+from jaxcomp.film._film import (
+    _forces,
     coefficients_per_load,
     convert_load_number,
-    eccentricity_ratio,
-    entrainment_speed,
     film_ratio,
     film_state,
     friction_at,
-    friction_moment,
-    load_number,
     load_number_at,
-    prepare,
-    running_state,
     stability_threshold,
-    stiffness_damping,
 )
+from jaxcomp.film._running import bush_moment, eccentricity_ratio, running_state, stiffness_damping
 
 ALL = [Reynolds, GroovedReynolds, Guembel, Ocvirk, ExplicitFit]
 SOLVED = [Reynolds, GroovedReynolds, Guembel, Ocvirk]

@@ -8,7 +8,7 @@ from tools import film_tables as generate
 from jaxcomp.film import GroovedReynolds, Reynolds, reference_solution
 from jaxcomp.film import _finite_volumes as volumes
 from jaxcomp.film import _reference as reference
-from jaxcomp.film.interface import coefficients_per_load, load_number_at
+from jaxcomp.film._film import coefficients_per_load, load_number_at
 
 FAMILIES = [Reynolds, GroovedReynolds]
 

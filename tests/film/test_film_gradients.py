@@ -17,16 +17,10 @@ from jaxcomp.film import (
     dynamic_coefficients,
     minimum_film,
 )
+from jaxcomp.film._bearing import friction_moment, prepare
+from jaxcomp.film._film import film_ratio, friction_at
 from jaxcomp.film._half_sommerfeld import _harmonics
-from jaxcomp.film.interface import (
-    bush_moment,
-    eccentricity_ratio,
-    film_ratio,
-    friction_at,
-    friction_moment,
-    prepare,
-    stiffness_damping,
-)
+from jaxcomp.film._running import bush_moment, eccentricity_ratio, stiffness_damping
 
 SIZES = jnp.array([16e-3, 22e-3, 9e-6, 4e-3])
 # The derivatives of the series model take longest to compile.

@@ -10,7 +10,7 @@ import pytest
 from film.someya import someya_two_axial_grooves
 
 from jaxcomp.film import ExplicitFit, GroovedReynolds, Guembel, Ocvirk, Reynolds, reference_solution
-from jaxcomp.film.interface import (
+from jaxcomp.film._film import (
     coefficients_per_load,
     convert_load_number,
     film_state,

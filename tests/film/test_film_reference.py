@@ -10,8 +10,8 @@ from film.test_film import film_forces
 from jaxcomp.film import Guembel, Ocvirk, dynamic_coefficients, reference_solution
 from jaxcomp.film import _finite_volumes as volumes
 from jaxcomp.film import _reference as reference
+from jaxcomp.film._film import load_number_at
 from jaxcomp.film._reference import GRIDS
-from jaxcomp.film.interface import load_number_at
 
 MEDIUM = GRIDS[:3]
 

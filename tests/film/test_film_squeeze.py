@@ -11,7 +11,7 @@ import pytest
 from tools.squeeze_tables import solve_film
 
 from jaxcomp.film import OcvirkSqueeze, ReynoldsSqueeze
-from jaxcomp.film.interface import quarter_turn
+from jaxcomp.film._squeeze import quarter_turn
 
 
 def way(degrees):

@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
 from jaxcomp.film import Reynolds, ReynoldsSqueeze, reference_solution
-from jaxcomp.film.interface import load_number_at
+from jaxcomp.film._film import load_number_at
 
 # So_V at eps 0, 0.5, 0.9, 0.95 and 0.99, by B/D
 ECCENTRICITIES = np.array([0, 0.5, 0.9, 0.95, 0.99])

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from jaxcomp import JournalBearing
 from jaxcomp.film import AsperityContact
-from jaxcomp.film.interface import friction_moment
+from jaxcomp.film._bearing import friction_moment
 
 RPM = np.pi / 30
 # Specific load [Pa] on the test bearing: speeds [rpm] and torques [N m] of all three bearings.

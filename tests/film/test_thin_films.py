@@ -8,7 +8,7 @@ import pytest
 
 from jaxcomp import AnalysisOptions, Status, load, problem, solve_orbit
 from jaxcomp.crank import Collocation, journal_films
-from jaxcomp.crank.interface import film_thickness
+from jaxcomp.crank._films import film_thickness
 from jaxcomp.scene import with_value
 
 PIN = {"type": "film", "film": "short", "diameter": "90 mm", "length": "45 mm",

@@ -12,7 +12,7 @@ from laws import helmholtz_before
 from tools.fluid_data import FLUIDS
 
 from jaxcomp.fluid import GasState, PerfectGas, RealGas, fluids
-from jaxcomp.fluid.interface import fluid_data
+from jaxcomp.fluid._helmholtz import fluid_data
 
 # name, T [K], rho [kg/m^3], p [Pa], u [J/kg], s, c_v, c_p [J/(kg K)], w [m/s]
 STATES = """

@@ -16,6 +16,7 @@ import pytest
 
 from jaxcomp._core.errors import BadInput
 from jaxcomp.fluid import Mixture, RealGas, fluids
+from jaxcomp.fluid._blends import blends, usable_blends
 from jaxcomp.fluid._multi_fluid import GERG, REFERENCE, multi_fluid
 from jaxcomp.fluid._saturation_lines import (
     DEW_PRESSURE,
@@ -23,7 +24,7 @@ from jaxcomp.fluid._saturation_lines import (
     curve,
     solve_lines,
 )
-from jaxcomp.fluid.interface import blends, fluid_named, usable_blends
+from jaxcomp.fluid.real_gas import fluid_named
 
 GOLDEN = json.loads(Path(__file__).with_name("mixture_golden.json").read_text())
 BLENDS = [name for name, row in GOLDEN.items() if row["saturation"]]

@@ -27,9 +27,9 @@ from jaxcomp.friction import (
     SliderLinkFriction,
     ThrustBearing,
 )
-from jaxcomp.friction.interface import joint_loads as eager_joint_loads
+from jaxcomp.friction._loads import joint_loads as eager_joint_loads
 from jaxcomp.mechanism import CrankState, SliderLink, contact
-from jaxcomp.mechanism.interface import ContactArms, PistonLoads, contact_arms
+from jaxcomp.mechanism._slider_link import ContactArms, PistonLoads, contact_arms
 from jaxcomp.motor import MeanSpeed
 
 joint_loads = eqx.filter_jit(eager_joint_loads)

@@ -33,7 +33,7 @@ from jaxcomp.friction import (
     SliderLinkFriction,
 )
 from jaxcomp.mechanism import CrankState
-from jaxcomp.mechanism.interface import contact_arms
+from jaxcomp.mechanism._slider_link import contact_arms
 
 READINGS = ["paper", "balanced"]
 

@@ -28,7 +28,7 @@ from jaxcomp import load
 from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderCrank, SliderLink
 from jaxcomp.scene import machines
-from jaxcomp.scene.interface import explained, part_places
+from jaxcomp.scene._explain import explained, part_places
 
 ROOT = Path(__file__).parents[2]
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]

@@ -27,7 +27,8 @@ from jaxcomp.piping import (
     resonances,
     root_near,
 )
-from jaxcomp.piping.interface import no_drag, response, steady_response, wall_function
+from jaxcomp.piping._network import no_drag, response, steady_response
+from jaxcomp.piping.pipe import wall_function
 
 C = np.sqrt(1.4 * 287 * 300)
 AIR = PipeGas(1e5, 1e5 / (287 * 300), C, 1.4, 1.85e-5, 0.71)

@@ -27,7 +27,8 @@ from jaxcomp.rotor import (
     shaft_line,
     undamped_modes,
 )
-from jaxcomp.rotor.interface import magnetic_pull_limit, nodal_load
+from jaxcomp.rotor._loads import nodal_load
+from jaxcomp.rotor._modes import magnetic_pull_limit
 
 YOUNG, DENSITY = 2.06e11, 7850.0
 

@@ -22,8 +22,7 @@ from jaxcomp.rotor import (
     stepped_shaft,
     undamped_modes,
 )
-from jaxcomp.rotor._shaft import deformation, element_matrices, shear_coefficient
-from jaxcomp.rotor.interface import shaft_mass
+from jaxcomp.rotor._shaft import deformation, element_matrices, shaft_mass, shear_coefficient
 
 LENGTH, OUTER, INNER, YOUNG, DENSITY, POISSON = 0.9, 0.09, 0.03, 2.1e11, 7800.0, 0.3
 STEEL = {"young_modulus": YOUNG, "density": DENSITY, "poisson": POISSON}

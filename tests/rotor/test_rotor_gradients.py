@@ -21,7 +21,8 @@ from jaxcomp.rotor import (
     shaft_line,
     undamped_modes,
 )
-from jaxcomp.rotor.interface import magnetic_pull_limit, node_names
+from jaxcomp.rotor._modes import magnetic_pull_limit
+from jaxcomp.rotor._nodes import node_names
 
 # Places of the design variables in (model, loads), with a size for directions.
 GROUPS = {

@@ -30,7 +30,7 @@ from jaxcomp.rotor import (
     respond,
     undamped_modes,
 )
-from jaxcomp.rotor.interface import critical_speeds_between
+from jaxcomp.rotor._campbell import critical_speeds_between
 from jaxcomp.vibration import loaded_rotor
 
 SHAFT = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)

@@ -28,7 +28,7 @@ from jaxcomp.rotor import (
     stepped_shaft,
     transmitted_forces,
 )
-from jaxcomp.rotor.interface import load_vector
+from jaxcomp.rotor._loads import load_vector
 
 RPM = np.pi / 30
 

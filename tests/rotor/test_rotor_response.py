@@ -31,13 +31,10 @@ from jaxcomp.rotor import (
     undamped_modes,
 )
 from jaxcomp.rotor._layout import layout_of
-from jaxcomp.rotor.interface import (
-    SingularResponse,
-    load_vector,
-    magnetic_pull_limit,
-    nodal_load,
-    node_names,
-)
+from jaxcomp.rotor._loads import load_vector, nodal_load
+from jaxcomp.rotor._modes import magnetic_pull_limit
+from jaxcomp.rotor._nodes import node_names
+from jaxcomp.rotor._response import SingularResponse
 
 NODES = len(node_names(machine()))
 

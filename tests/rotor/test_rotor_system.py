@@ -21,7 +21,7 @@ from jaxcomp.rotor import (
     transmitted_forces,
     undamped_modes,
 )
-from jaxcomp.rotor.interface import prepare
+from jaxcomp.rotor._prepare import prepare
 from jaxcomp.vibration import loaded_rotor
 
 LOADS = (Unbalances((1,), 1e-4, 0.3),)

@@ -12,7 +12,7 @@ from jaxcomp.compressor import loads_at
 from jaxcomp.machine import assembled
 from jaxcomp.mechanism import CrankState
 from jaxcomp.vibration import crank_forces, shaking_wrench
-from jaxcomp.vibration.interface import film_coefficients, without
+from jaxcomp.vibration._coupling import film_coefficients, without
 
 SHAFT = """
 [rotor]

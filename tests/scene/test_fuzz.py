@@ -11,8 +11,8 @@ from scene.test_measurement_files import COEFFICIENTS, METADATA
 
 from jaxcomp import BadInput
 from jaxcomp.scene import SceneError, dump, load, loads, machines, start
+from jaxcomp.scene._annotated import starts
 from jaxcomp.scene._cells import with_tables
-from jaxcomp.scene.interface import starts
 from jaxcomp.scene.load_tables import read_loads
 from jaxcomp.scene.map_formats import energyplus_text
 from jaxcomp.scene.measured import read_measurement

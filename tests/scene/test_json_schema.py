@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from jaxcomp.cli import app
 from jaxcomp.scene import json_schema, machines, start
+from jaxcomp.scene._annotated import starts
 from jaxcomp.scene._explain import part_places
 from jaxcomp.scene._schema import entries
 from jaxcomp.scene._text import bundled
-from jaxcomp.scene.interface import starts
 
 FILES = {
     **{one.name: bundled("machines")[one.name].read_text("utf-8") for one in machines()},

@@ -9,8 +9,7 @@ from jaxcomp.cli._app import app
 from jaxcomp.fluid import Mixture
 from jaxcomp.scene import SceneError, start, with_values
 from jaxcomp.scene.follows import follows
-from jaxcomp.study._steady_state import _remarks_on_range
-from jaxcomp.study.interface import crank_quantities
+from jaxcomp.study._steady_state import _remarks_on_range, crank_quantities
 
 # Blends of R32, and pure gases that a process compressor moves.
 BLEND = "R454C"

@@ -19,7 +19,9 @@ from jaxcomp.gas import CrankAngleTable, PolytropicCycle
 from jaxcomp.motor import Kloss, MeanSpeed, SlipLine
 from jaxcomp.scene import _units, describe, dump, load, loads, machines, with_value
 from jaxcomp.scene import with_values as changed
-from jaxcomp.scene.interface import with_machine
+from jaxcomp.scene._change import with_machine
+from jaxcomp.scene._schema import SECTIONS
+from jaxcomp.scene._units import to_si
 
 MINIMAL = """
 [mechanism]
@@ -98,13 +100,13 @@ def test_the_two_readings_differ_in_rod_and_fitted_values_only():
     ],
 )
 def test_text_with_unit_becomes_si(text, unit, value):
-    np.testing.assert_allclose(scenes.interface.to_si(text, unit, "key"), value, rtol=1e-15)
+    np.testing.assert_allclose(to_si(text, unit, "key"), value, rtol=1e-15)
 
 
 def test_lists_and_a_unit_for_a_whole_list():
-    np.testing.assert_allclose(scenes.interface.to_si(["1 mm", "2 cm"], "m", "key"), [0.001, 0.02])
-    np.testing.assert_allclose(scenes.interface.to_si([1, "2 m"], "m", "key", "mm"), [0.001, 2.0])
-    assert scenes.interface.to_si([[1, 2], [3, 4]], "", "key").shape == (2, 2)
+    np.testing.assert_allclose(to_si(["1 mm", "2 cm"], "m", "key"), [0.001, 0.02])
+    np.testing.assert_allclose(to_si([1, "2 m"], "m", "key", "mm"), [0.001, 2.0])
+    assert to_si([[1, 2], [3, 4]], "", "key").shape == (2, 2)
 
 
 def test_absent_parts_are_none_and_defaults_hold():
@@ -320,7 +322,7 @@ stiffness = ["1 kN/m"]
 
 @pytest.fixture
 def housing(monkeypatch):
-    monkeypatch.setitem(scenes.interface.SECTIONS, "housing", ProbeHousing)
+    monkeypatch.setitem(SECTIONS, "housing", ProbeHousing)
 
 
 def test_a_registered_section_is_read_without_code_of_its_own(housing):

@@ -4,7 +4,7 @@ import pytest
 
 from jaxcomp.film import iso_vg_viscosity
 from jaxcomp.scene import SceneError, load, loads, with_value, with_values
-from jaxcomp.scene.interface import to_si
+from jaxcomp.scene._units import to_si
 from jaxcomp.scene.tolerances import read_tolerance
 
 GOOD = """

@@ -7,7 +7,7 @@ from jaxcomp import SceneError, load, loads, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.crank import Collocation
 from jaxcomp.scene import with_value
-from jaxcomp.scene.interface import upgraded
+from jaxcomp.scene._upgrade import upgraded
 
 COMMON = """
 [motor]

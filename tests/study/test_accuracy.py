@@ -11,13 +11,14 @@ from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
 from benchmarks.studies import refined
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
-from jaxcomp.crank.interface import default_collocation
-from jaxcomp.film.interface import eccentricity_ratio
+from jaxcomp.crank._collocation import default_collocation
+from jaxcomp.film._running import eccentricity_ratio
 from jaxcomp.machine import machine_of
 from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.accuracy import Report
 from jaxcomp.study.accuracy._accuracy import STUDIES
 from jaxcomp.study.accuracy._orbit import by_scipy, known_quantities
+from jaxcomp.study.accuracy._report import Measurement, Reference
 from jaxcomp.study.accuracy._rotor import film_places
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
@@ -30,7 +31,6 @@ from jaxcomp.study.accuracy._study import (
     measured,
     series,
 )
-from jaxcomp.study.accuracy.interface import Measurement, Reference
 
 MACHINES = ("mayekawa-wbhe", "slider-link-8cc", "hermetic-68cc")
 
@@ -161,7 +161,7 @@ def scipy_program(machine):
     from scipy.integrate import solve_ivp
     from scipy.optimize import brentq
 
-    from jaxcomp.crank.interface import acceleration
+    from jaxcomp.crank._motion import acceleration
 
     @jax.jit
     def law(angle, speed):

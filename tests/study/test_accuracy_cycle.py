@@ -17,8 +17,8 @@ from jaxcomp.study.accuracy._cycle import (
     one_cylinder,
     variables,
 )
+from jaxcomp.study.accuracy._report import Measurement, Reference
 from jaxcomp.study.accuracy._study import Question, measured
-from jaxcomp.study.accuracy.interface import Measurement, Reference
 from jaxcomp.valve import CheckValve
 
 # Indicated work [J] and volumetric efficiency by SciPy's DOP853 and Radau, which agree to ten digits

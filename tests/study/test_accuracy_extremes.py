@@ -10,7 +10,7 @@ from jaxcomp import BadInput, Collocation, load, load_result, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._accuracy import extremes_tables
 from jaxcomp.cli._output import plain
-from jaxcomp.plot.interface import extreme_errors
+from jaxcomp.plot._accuracy import extreme_errors
 from jaxcomp.study.accuracy import extremes
 from jaxcomp.study.accuracy._extremes import FAMILIES, WITH_VALVES, scaled
 

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from jaxcomp import load, problem
 from jaxcomp.fluid import Mixture
+from jaxcomp.fluid._blends import blends
 from jaxcomp.fluid._equilibrium import PhaseModel, first_point
-from jaxcomp.fluid.interface import blends
 from jaxcomp.scene import with_values
 
 PAGE = (Path(__file__).parents[2] / "notebooks" / "blends.md").read_text("utf-8")

@@ -12,12 +12,12 @@ from jaxcomp import BadInput, Collocation, crank_forces, load, solve_orbit
 from jaxcomp._core.fields import replaced
 from jaxcomp.balancing import least_squares, machine_influence
 from jaxcomp.compressor import at_speed
-from jaxcomp.crank.interface import default_collocation
+from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.machine import assembled, machine_of
 from jaxcomp.scene import with_value, with_values
 from jaxcomp.study import AnalysisOptions, available_quantities, problem, variable, with_bore
 from jaxcomp.study._problem import _answers, solved
-from jaxcomp.study.interface import variable_names
+from jaxcomp.study._variables import variable_names
 from jaxcomp.vibration import crank_loads, running_rotor
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-11)

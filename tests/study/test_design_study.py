@@ -24,7 +24,7 @@ from jaxcomp.study import (
     with_stroke_bore_ratio,
     with_swept_volume,
 )
-from jaxcomp.study.interface import rod_driven
+from jaxcomp.study._compared import rod_driven
 from jaxcomp.vibration import shaking_wrench
 
 # Places where a load changes its side in mid-stroke stay unresolved, which changes the efficiency by

@@ -16,9 +16,10 @@ from jaxcomp.machine import machine_of
 from jaxcomp.scene import dump, loads, with_value
 from jaxcomp.scene.readings import identified_scene
 from jaxcomp.study import RECIPE, Parameter, Readings, fit, identify, map_recipe
+from jaxcomp.study.identification._common_factor import varied
 from jaxcomp.study.identification._notes import law_of_speed, notes_of
 from jaxcomp.study.identification._parameter_words import in_words, with_path
-from jaxcomp.study.interface import varied, with_own_factors
+from jaxcomp.study.identification._readings import with_own_factors
 from jaxcomp.study.rating import QUANTITIES, rating_map
 
 ZERO = 273.15

@@ -12,7 +12,7 @@ from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.machine import machine_of
-from jaxcomp.plot.interface import identification_figures
+from jaxcomp.plot._identified import identification_figures
 from jaxcomp.scene import SceneError
 from jaxcomp.scene.measured import read_measurement
 from jaxcomp.scene.tolerances import identified_tolerances, read_tolerance_file, tolerances_of

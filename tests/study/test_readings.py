@@ -17,8 +17,8 @@ from jaxcomp.scene.map_files import polynomial_text
 from jaxcomp.scene.measured import bundled_maps
 from jaxcomp.scene.readings import read_readings
 from jaxcomp.study.identification._reading_model import _joined
+from jaxcomp.study.identification._readings import terms_of
 from jaxcomp.study.identification._result import PredictedReadings
-from jaxcomp.study.interface import terms_of
 from jaxcomp.study.rating import QUANTITIES, RatingMap
 
 ZERO = 273.15

@@ -23,7 +23,7 @@ from jaxcomp.machine import machine_of
 from jaxcomp.plot import sensitivity_bars
 from jaxcomp.scene import with_value, with_values
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.interface import variable_label
+from jaxcomp.study._labels import variable_label
 
 
 def logarithms(found):

@@ -38,8 +38,8 @@ from jaxcomp.study.sweep._points import (
     SamplePoints,
     neighbours_together,
 )
-from jaxcomp.study.sweep._store import stored_header
-from jaxcomp.study.sweep.interface import columns, status_words, summary
+from jaxcomp.study.sweep._store import status_words, stored_header
+from jaxcomp.study.sweep._summary import columns, summary
 
 RPM = np.pi / 30
 

@@ -13,8 +13,7 @@ from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.sweep._blocks import default_width
 from jaxcomp.study.tolerance import scatter_of
 from jaxcomp.study.tolerance._moments import local, sampled, solved_rows
-from jaxcomp.study.tolerance._reliability import reliability
-from jaxcomp.study.tolerance.interface import Limit
+from jaxcomp.study.tolerance._reliability import Limit, reliability
 
 BORE, RADIUS = "mechanism.bore", "mechanism.crank_radius"
 
@@ -430,7 +429,7 @@ def test_tolerances_that_keep_the_rejects_down_are_those_of_the_normal_distribut
     ],
 )
 def test_parts_have_names_and_not_paths(path, words):
-    from jaxcomp.study.interface import variable_label
+    from jaxcomp.study._labels import variable_label
 
     assert variable_label(load("hermetic-68cc").machine, path) == words
 

@@ -14,7 +14,7 @@ from scipy.stats.mstats import hdquantiles
 from jaxcomp import BadInput, Collocation, load, optimise, problem, robust, tolerance, within
 from jaxcomp.machine import machine_of
 from jaxcomp.study import AnalysisOptions, DesignResult, balanced_design, prepared
-from jaxcomp.study.interface import quantity_named
+from jaxcomp.study._analysis import quantity_named
 from jaxcomp.study.tolerance import scatter_of
 
 pytestmark = pytest.mark.slow  # programs of a rotor and its scatter: a minute and a half

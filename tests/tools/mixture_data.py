@@ -14,9 +14,9 @@ from fluid_data import DATA, FLUIDS, compact
 
 from jaxcomp.fluid._blends import COEFFICIENT_UNIT, SLOPE_UNIT, usable_blends
 from jaxcomp.fluid._blends import blends as blends_of_library
+from jaxcomp.fluid._helmholtz import fluid_data
 from jaxcomp.fluid._multi_fluid import REFERENCE
 from jaxcomp.fluid._saturation_lines import solve_lines
-from jaxcomp.fluid.interface import fluid_data
 
 SOURCES = Path(__file__).parent / "mixture_sources"
 MIXTURES = DATA / "mixtures"

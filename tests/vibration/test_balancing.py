@@ -20,7 +20,8 @@ from jaxcomp.balancing import (
     stock,
     trial_influence,
 )
-from jaxcomp.balancing.interface import Influence, InfluenceRow, split
+from jaxcomp.balancing._discrete import split
+from jaxcomp.balancing._influence import Influence, InfluenceRow
 from jaxcomp.rotor import Unbalances
 from jaxcomp.scene.measurements import read_measurements
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcomp.balancing import bounded, least_squares, min_max, trial_influence
-from jaxcomp.balancing.interface import Influence, InfluenceRow
+from jaxcomp.balancing._influence import Influence, InfluenceRow
 
 
 def at(text):

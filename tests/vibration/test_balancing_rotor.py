@@ -15,7 +15,7 @@ from jaxcomp.balancing import (
     trial_influence,
 )
 from jaxcomp.rotor import BalancingPlanes, CorrectionPlane, TargetPlane, Unbalances, respond
-from jaxcomp.rotor.interface import node_names
+from jaxcomp.rotor._nodes import node_names
 
 SPEEDS = jnp.array([300.0, 360.0])
 PLACES = BalancingPlanes(

@@ -13,7 +13,8 @@ from jaxcomp.balancing import (
     select,
     with_weights,
 )
-from jaxcomp.balancing.interface import InfluenceRow, further_trial
+from jaxcomp.balancing._further_trial import further_trial
+from jaxcomp.balancing._influence import InfluenceRow
 from jaxcomp.scene.measurements import read_measurements
 
 # "Balancing without phase", reliabilityweb.com: method of four runs, amplitudes in mil.

@@ -13,9 +13,10 @@ from jaxcomp import Collocation, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.compressor import first_top
 from jaxcomp.rotor import Mount, matrices, node_index, respond
-from jaxcomp.rotor.interface import node_names, node_positions
+from jaxcomp.rotor._model import node_positions
+from jaxcomp.rotor._nodes import node_names
 from jaxcomp.scene import dump, loads, with_value
-from jaxcomp.scene.interface import with_lists
+from jaxcomp.scene._change import with_lists
 from jaxcomp.vibration import shaking_wrench
 from jaxcomp.vibration._coupling import crank_forces
 

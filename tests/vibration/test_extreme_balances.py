@@ -12,7 +12,7 @@ import pytest
 from vibration.test_balancing import system
 
 from jaxcomp.balancing import bounded, least_squares, min_max
-from jaxcomp.balancing.interface import Influence
+from jaxcomp.balancing._influence import Influence
 
 GAPS = (1e-4, 1e-8, 1e-12, 0.0)
 

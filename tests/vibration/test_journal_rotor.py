@@ -14,7 +14,8 @@ from jaxcomp.cli import app
 from jaxcomp.compressor import at_speed
 from jaxcomp.crank import Collocation, journal_films
 from jaxcomp.film import JournalBearing, NamedBearing, minimum_film
-from jaxcomp.film.interface import friction_moment, stiffness_damping
+from jaxcomp.film._bearing import friction_moment
+from jaxcomp.film._running import stiffness_damping
 from jaxcomp.rotor import ConstantLaw, LoadedFilm, SpeedTable
 from jaxcomp.vibration._coupling import loaded_rotor
 

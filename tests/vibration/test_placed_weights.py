@@ -10,7 +10,7 @@ from vibration.test_balancing import system
 
 from jaxcomp import BadInput
 from jaxcomp.balancing import Places, least_squares, placed
-from jaxcomp.balancing.interface import Influence
+from jaxcomp.balancing._influence import Influence
 from jaxcomp.scene.measurements import read_measurements
 
 # Service page on balancing of fans: 83.5 g at 308.8 deg, on 16 blades 23.3 g and 61.49 g.

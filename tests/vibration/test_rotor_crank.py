@@ -11,7 +11,9 @@ import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
 from jaxcomp.rotor import CrankNodes, RotorModel, crankshaft_of, node_index, respond, undamped_modes
-from jaxcomp.rotor.interface import load_vector, magnetic_pull_limit, shaft_mass
+from jaxcomp.rotor._loads import load_vector
+from jaxcomp.rotor._modes import magnetic_pull_limit
+from jaxcomp.rotor._shaft import shaft_mass
 from jaxcomp.scene import with_value
 from jaxcomp.vibration import shaking_wrench
 from jaxcomp.vibration._coupling import crank_forces, crank_loads, loaded_rotor
@@ -149,7 +151,7 @@ def test_hermetic_machine_has_the_printed_figures(scene):
 def _polar(model):
     """[kg m2] Of all shafts and disks: their inertia in a rigid torsion."""
     from jaxcomp.rotor import matrices
-    from jaxcomp.rotor.interface import node_names
+    from jaxcomp.rotor._nodes import node_names
 
     free = RotorModel(model.shafts, model.disks, dof=6)
     turn = np.zeros((len(node_names(free)), 6))

@@ -39,15 +39,9 @@ from jaxcomp.vibration import (
     shaking_wrench,
     time_response,
 )
-from jaxcomp.vibration.interface import (
-    BlockMotion,
-    free_body_error,
-    free_body_response,
-    point_motion,
-    viscous_damping,
-    with_scaled_frequencies,
-    wrench_about,
-)
+from jaxcomp.vibration._block import BlockMotion, free_body_error, free_body_response, point_motion
+from jaxcomp.vibration._suspension import viscous_damping, with_scaled_frequencies
+from jaxcomp.vibration._wrench import wrench_about
 
 
 def slider_crank(**changes):

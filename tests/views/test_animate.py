@@ -13,10 +13,10 @@ from jaxcomp import Collocation, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderLink
 from jaxcomp.plot import gif
-from jaxcomp.plot._animate import _even_in_time
+from jaxcomp.plot._animate import Motion, _even_in_time, journal_motion, mechanism_motion
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._mechanism import Sketch, sketch
-from jaxcomp.plot.interface import Motion, balance_motion, journal_motion, mechanism_motion
+from jaxcomp.plot._rotor_motion import balance_motion
 from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalances, respond
 from jaxcomp.rotor._bodies import RigidBody
 from jaxcomp.scene import load, loads, start, with_value, with_values

@@ -20,7 +20,7 @@ from jaxcomp.desk import _state as state
 from jaxcomp.desk import serve
 from jaxcomp.desk._page import Page
 from jaxcomp.desk._serve import _is_fault
-from jaxcomp.desk.interface import Desk
+from jaxcomp.desk._state import Desk
 from jaxcomp.scene import SceneError, loads, start
 
 BORE, PIN = "mechanism.bore", "friction.crank_pin.coefficient"

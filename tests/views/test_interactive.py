@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from jaxcomp import BadInput, load, plot, sensitivity
 from jaxcomp.plot import interactive
+from jaxcomp.plot._interactive import interactive_page
 from jaxcomp.plot._style import crank_axis, legend, new_figure, new_polar_figure
-from jaxcomp.plot.interface import interactive_page
 
 __all__ = ["orbit"]  # a fixture
 pytest.importorskip("plotly")
@@ -25,14 +25,10 @@ def one(made, kind, **wanted):
 
 
 def test_every_function_that_draws_has_the_option():
-    drawing = [
-        function
-        for name, function in {**vars(plot), **vars(plot.interface)}.items()
-        if inspect.isfunction(function)
-        and inspect.signature(function).return_annotation in (Figure, dict[str, Figure])
-    ]
-    assert len(drawing) > 35
-    for function in drawing:
+    drawings = plot.drawings().values()
+    assert len(drawings) > 35
+    for function in drawings:
+        assert inspect.signature(function).return_annotation in (Figure, dict[str, Figure])
         option = inspect.signature(function).parameters["interactive"]
         assert (option.kind, option.default) == (option.KEYWORD_ONLY, False)
         assert "interactive" in function.__doc__

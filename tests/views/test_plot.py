@@ -12,6 +12,15 @@ import pytest
 from jaxcomp import Collocation, plot, solve_orbit
 from jaxcomp._core.display import shown
 from jaxcomp.compressor import compressor_of
+from jaxcomp.plot._bearings import bearing_loads
+from jaxcomp.plot._crank import (
+    crank_torques,
+    joint_forces,
+    joint_friction,
+    loss_shares,
+    orbit_figures,
+    speed_over_turn,
+)
 from jaxcomp.plot._fine import fine_turn
 from jaxcomp.plot._identified import _pairs
 from jaxcomp.plot._rotor import _highest_shown
@@ -44,7 +53,7 @@ def curve(figure, axis=0, line=0):
 
 
 def test_all_pictures_are_labelled_and_can_be_saved(machine, orbit, tmp_path):
-    figures = plot.interface.orbit_figures(machine, orbit)
+    figures = orbit_figures(machine, orbit)
     assert list(figures) == [
         "pv_diagram",
         "speed",
@@ -107,13 +116,13 @@ def test_fine_turn_agrees_with_the_nodes(machine, orbit):
 
 
 def test_speed_stays_within_its_extremes(machine, orbit):
-    _, speed = curve(plot.interface.speed_over_turn(machine, orbit))
+    _, speed = curve(speed_over_turn(machine, orbit))
     assert speed.max() == pytest.approx(float(orbit.highest_speed) * 30 / np.pi, rel=1e-5)
     assert speed.min() == pytest.approx(float(orbit.lowest_speed) * 30 / np.pi, rel=1e-5)
 
 
 def test_torques_add_up_to_the_inertia_of_the_crankshaft(machine, orbit):
-    figure = plot.interface.crank_torques(machine, orbit)
+    figure = crank_torques(machine, orbit)
     curves = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines[:5]}
     assert set(curves) == {
         "Motor",
@@ -130,7 +139,7 @@ def test_torques_add_up_to_the_inertia_of_the_crankshaft(machine, orbit):
 
 def test_joint_forces_peak_where_the_paper_has_its_peak(machine, orbit):
     """Tsuji et al. (2012), Section 3.2: sharp peak at -35 degrees."""
-    figure = plot.interface.joint_forces(machine, orbit)
+    figure = joint_forces(machine, orbit)
     names = [line.get_label() for line in figure.axes[0].lines]
     degrees, force = curve(figure, 0, names.index("Piston pin"))
     assert degrees[np.argmax(force)] == pytest.approx(-35, abs=1.0)
@@ -139,7 +148,7 @@ def test_joint_forces_peak_where_the_paper_has_its_peak(machine, orbit):
 
 
 def test_polar_loads_are_those_of_the_bearings(machine, orbit):
-    figure = plot.interface.bearing_loads(machine, orbit)
+    figure = bearing_loads(machine, orbit)
     crank_pin, main = (ax.lines[0].get_xydata().T for ax in figure.axes)
     forces = fine_turn(machine, orbit).loads.forces
     for (direction, size), force in (
@@ -163,7 +172,7 @@ def test_locus_of_the_shaking_force(machine, orbit):
 
 
 def test_friction_torques_are_those_of_coulomb(machine, orbit):
-    figure = plot.interface.joint_friction(machine, orbit)
+    figure = joint_friction(machine, orbit)
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert titles == ["Piston pin", "Crank pin", "Main journal", "Wall"]
     force = np.hypot(*fine_turn(machine, orbit).loads.forces["main_journal"]).max()
@@ -171,7 +180,7 @@ def test_friction_torques_are_those_of_coulomb(machine, orbit):
 
 
 def test_loss_bars_are_the_losses(machine, orbit):
-    bars = plot.interface.loss_shares(orbit).axes[0].patches
+    bars = loss_shares(orbit).axes[0].patches
     widths = sorted(bar.get_width() for bar in bars)
     assert widths == pytest.approx(sorted(float(x) for x in orbit.energy.losses.values()))
 
@@ -183,7 +192,7 @@ def test_absent_parts_have_no_picture():
     bare = with_values(load("mayekawa-wbhe"), NOTHING).compressor
     orbit = solve_orbit(bare, Collocation())
     names = ["speed", "torques", "joint_forces", "bearing_loads", "shaking_force"]
-    assert list(plot.interface.orbit_figures(bare, orbit)) == names
+    assert list(orbit_figures(bare, orbit)) == names
     with pytest.raises(ValueError, match="needs a compressor with gas"):
         plot.pv_diagram(bare, orbit)
 
@@ -275,7 +284,7 @@ def covered(ax, line, words="°"):
 
 def test_numbers_of_crank_angles_stand_beside_their_curves(machine, orbit):
     figures = [
-        plot.interface.bearing_loads(machine, orbit),
+        bearing_loads(machine, orbit),
         shaking_force(machine, orbit),
     ]
     axes = [ax for figure in figures for ax in figure.axes if ax.texts]

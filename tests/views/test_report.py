@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from jaxcomp.cli import app
 from jaxcomp.cli._tables import row_table
 from jaxcomp.report import report
-from jaxcomp.report._page import numbers_html, picture_html, rich_html, tables_html
-from jaxcomp.report.interface import Provenance, checks
+from jaxcomp.report._checks import checks
+from jaxcomp.report._page import Provenance, numbers_html, picture_html, rich_html, tables_html
 from jaxcomp.scene import describe, loads, start
 
 MADE = Provenance(

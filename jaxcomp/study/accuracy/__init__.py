@@ -1,6 +1,5 @@
 """Error against run time of every solver, and a machine at its extremes."""
 
-from . import interface as interface
 from ._accuracy import STUDIES as STUDIES
 from ._accuracy import accuracy as accuracy
 from ._extremes import Extreme as Extreme

@@ -12,7 +12,7 @@ from ..._core.errors import BadInput
 from ...crank import solve_orbit
 from ...machine import HasMachine, Machine, machine_of
 from ...rotor import LoadCase
-from ..interface import quantity_named
+from .._analysis import quantity_named
 from ._cycle import cycle_study
 from ._gradient import gradient_study
 from ._orbit import orbit_study, quantities_study

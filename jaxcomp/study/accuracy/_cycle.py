@@ -21,7 +21,7 @@ from ...crankshaft import Crankshaft
 from ...cylinder import CycleOptions, Cylinder, solve_cycle
 from ...machine import Machine
 from .. import variable as find_variable
-from ..interface import variable_names as names_of
+from .._variables import variable_names as names_of
 from ._report import DerivativeCheck, Measurement, Reference
 from ._study import (
     Call,

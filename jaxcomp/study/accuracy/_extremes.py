@@ -24,7 +24,7 @@ from ..._core.results import Data, Result
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
-from ...crankshaft.interface import film_journals
+from ...crankshaft._bearings import film_journals
 from ...cylinder import CycleOptions, Cylinder, solve_cycle
 from ...machine import Assembly, HasMachine, Machine, assembled, machine_of
 from ...mechanism import SliderCrank

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from ..._core.errors import BadInput
 from ...crank import Collocation, Shooting
 from .. import variable
-from ..interface import quantity_named
+from .._analysis import quantity_named
 from ._orbit import other_method
 from ._report import Reference
 from ._rotor import FILM_QUANTITIES, film_gradient_study

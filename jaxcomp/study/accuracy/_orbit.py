@@ -27,13 +27,16 @@ from ..._core.roots import FixedPointReport
 from ..._core.status import Status
 from ...compressor import Compressor, instants, kink_angles, loads_at
 from ...crank import Collocation, Energy, Orbit, Shooting
-from ...crank.interface import acceleration, orbit_on_panels, orbiting_journals, panels
+from ...crank._evaluation import orbit_on_panels
+from ...crank._journals import orbiting_journals
+from ...crank._motion import acceleration
+from ...crank._panels import panels
 from ...cylinder import CycleOptions, Cylinder
 from ...machine import Machine
 from ...mechanism import CrankState
 from ...motor import MeanSpeed
 from .. import AnalysisOptions, DesignResult, available_quantities
-from ..interface import quantity_named
+from .._analysis import quantity_named
 from ._report import Reference
 from ._study import (
     FINE_NODES,

@@ -23,10 +23,11 @@ from ... import film as films
 from ..._core.errors import BadInput
 from ..._core.extremes import max_of
 from ...crank import Collocation, solve_orbit
-from ...crankshaft.interface import film_journals
+from ...crankshaft._bearings import film_journals
+from ...film._reference import FilmSolution
 from ...machine import Machine, assembled
 from ...rotor import LoadedFilm, RotorModel, matrices, respond
-from ...rotor.interface import load_vector
+from ...rotor._loads import load_vector
 from ...vibration import loaded_rotor
 from ._report import Reference
 from ._study import Call, Compiled, Question, Setting, Study, series
@@ -72,7 +73,7 @@ class Place(NamedTuple):
                 models.append(model)
         return models
 
-    def solved(self, count: int) -> films.interface.FilmSolution:
+    def solved(self, count: int) -> FilmSolution:
         """By finite volumes on the coarsest grids, as many as are told."""
         return films.reference_solution(
             self.eccentricity, self.length_ratio, grooved=self.grooved, grids=_GRIDS[:count]
@@ -205,9 +206,12 @@ def film_places(design: Machine) -> tuple[Place, ...]:
 
 def _place(name: str, bearing: films.JournalBearing, load, speed) -> list[Place]:
     """The place of a bearing; none where its film carries nothing."""
-    if not issubclass(bearing.model, films.interface.AbstractCarryingFilm):
+    from ...film._film import AbstractCarryingFilm
+    from ...film._running import eccentricity_ratio
+
+    if not issubclass(bearing.model, AbstractCarryingFilm):
         return []
-    eccentricity = float(films.interface.eccentricity_ratio(bearing, load, speed))
+    eccentricity = float(eccentricity_ratio(bearing, load, speed))
     grooved = bearing.model is films.GroovedReynolds
     place = Place(
         label=name,
@@ -243,7 +247,7 @@ def _of_load(model, place: Place, name: str) -> Callable[[Any], Any]:
     return value
 
 
-def _model_call(solved: Callable[[int], films.interface.FilmSolution], value) -> Call:
+def _model_call(solved: Callable[[int], FilmSolution], value) -> Call:
     """A function of the load number, over a batch of points at the same place."""
     over, program, _ = Compiled(jax.vmap(value)).call(jnp.full(_BATCH, solved(4).load_number))
     return Call(lambda: over()[0], program)

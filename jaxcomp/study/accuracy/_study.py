@@ -20,11 +20,11 @@ from ..._core.programs import compiled_anew
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, Shooting
-from ...crank.interface import default_collocation
+from ...crank._collocation import default_collocation
 from ...cylinder import CycleOptions
 from ...machine import Assembly, Machine, assembled
 from .. import AnalysisOptions, DesignResult
-from ..interface import quantity_named
+from .._analysis import quantity_named
 from ._report import Measurement, Reference
 
 # Of the reference.

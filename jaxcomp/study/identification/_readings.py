@@ -17,7 +17,7 @@ from ..._core.extremes import maximum
 from ...compressor import Compressor, mechanisms_of
 from ...cylinder import Cylinder
 from ...fluid import AbstractRealGas
-from ...fluid.interface import has_dew_line
+from ...fluid._real import has_dew_line
 from ...machine import Machine, assembled
 from ..rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
 from ._least_squares import Parameter

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._core.errors import BadInput, kind_text
 from ...cylinder import Cylinder
-from ...fluid.interface import has_dew_line
+from ...fluid._real import has_dew_line
 from ...machine import HasMachine, Machine, machine_of
 from .._rules import with_swept_volume
 from .._variables import variable

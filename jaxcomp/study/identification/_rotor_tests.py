@@ -15,7 +15,7 @@ from ..._core.extremes import max_of
 from ..._core.fields import replaced
 from ...machine import Machine, assembled
 from ...rotor import AXES, node_index, undamped_modes
-from ...rotor.interface import prepare
+from ...rotor._prepare import prepare
 from .._analysis import DesignResult
 from .._options import AnalysisOptions
 from ._least_squares import Parameter

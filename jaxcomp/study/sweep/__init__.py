@@ -1,6 +1,5 @@
 """Grids and samples of designs: many at a time, streamed to disk, on all devices and hosts."""
 
-from . import interface as interface
 from ._best import best_curve as best_curve
 from ._best import best_design as best_design
 from ._points import Distribution as Distribution

@@ -29,8 +29,7 @@ from jaxtyping import Bool, Float, Int
 
 from ..._core.errors import BadInput
 from ..._core.status import Status
-from .._problem import climb_of, in_size, of_each, solves_gas
-from ..interface import Answer, Problem
+from .._problem import Answer, Problem, climb_of, in_size, of_each, solves_gas
 from ._points import Rows, neighbours_together
 
 if TYPE_CHECKING:  # Dask is an optional extra

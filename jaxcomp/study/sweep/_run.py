@@ -16,9 +16,9 @@ from ..._core.progress import progress_of
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
 from .. import variable as find_variable
-from .._problem import RequestedQuantity, problem_of
-from .._variables import Variable
-from ..interface import Problem, by_name, quantity_named
+from .._analysis import quantity_named
+from .._problem import Problem, RequestedQuantity, problem_of
+from .._variables import Variable, by_name
 from ._blocks import Device, chosen_devices, default_width, solved_blocks
 from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent, uniform
 from ._store import (

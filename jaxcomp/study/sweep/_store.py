@@ -24,7 +24,7 @@ import numpy as np
 
 from ..._core.errors import BadInput
 from ..._core.status import UNNAMED, names_of_codes, status_names
-from ..interface import Problem
+from .._problem import Problem
 from ._points import SAMPLE, Blocks, GridPoints, SamplePoints, extent
 
 if TYPE_CHECKING:  # neither is imported by who does not sweep

@@ -1,6 +1,5 @@
 """Tolerances of production: moments, Monte Carlo, reliability and robust design."""
 
-from . import interface as interface
 from ._reliability import Reliability as Reliability
 from ._robust import Robust as Robust
 from ._robust import permitted as permitted

@@ -25,8 +25,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..._core.errors import BadInput
 from ..._core.progress import progress_of
-from .._problem import solved, solves_gas
-from ..interface import Problem, is_fraction
+from .._problem import Problem, solved, solves_gas
+from .._variables import is_fraction
 from ..sweep._blocks import default_width, solved_blocks
 from ._scatter import Sampling, Scatter, drawn_normals
 

@@ -21,8 +21,7 @@ from jaxtyping import Float
 from scipy import stats
 from scipy.optimize import minimize
 
-from .._problem import solved
-from ..interface import Problem
+from .._problem import Problem, solved
 from ._moments import Sampled, solved_rows
 from ._scatter import Scatter
 

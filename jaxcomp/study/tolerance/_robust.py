@@ -19,8 +19,7 @@ from ..._core.extremes import maximum
 from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, variable
 from .._problem import RequestedQuantity, name_of, value_of
-from .._variables import changed
-from ..interface import by_name
+from .._variables import by_name, changed
 from ._answer import Permitted
 from ._moments import solved_rows
 from ._scatter import Correlations, Within, drawn_normals, scatter_of

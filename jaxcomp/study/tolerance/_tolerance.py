@@ -14,8 +14,9 @@ from ..._core.errors import BadInput
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
-from .._problem import RequestedQuantity, name_of, problem_of, solves_gas
-from ..interface import Problem, by_name, variable_label
+from .._labels import variable_label
+from .._problem import Problem, RequestedQuantity, name_of, problem_of, solves_gas
+from .._variables import by_name
 from . import _answer
 from ._moments import (
     Curvature,
