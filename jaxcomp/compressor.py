@@ -22,7 +22,7 @@ from .cylinder._cylinder import ports_fit
 from .cylinder._ends import check_settings
 from .cylinder._waves import pipings
 from .friction import AbstractFriction, JointLoads
-from .friction._loads import closed
+from .friction._joint_loads import closed
 from .gas import AbstractGas, StagedCycle, Stroke
 from .mechanism import AbstractKinematics, AbstractMechanism, CrankState
 from .motor import AbstractMotor, ConstantSpeed, MeanSpeed

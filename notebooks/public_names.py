@@ -13,7 +13,7 @@ def public_names():
     for path in sorted(PACKAGE.iterdir()):
         if not path.name.startswith("_") and path.name not in ("cli", "machines"):
             found |= _of_module(path, f"jaxcomp.{path.stem}")
-    # modules of a package, such as `jaxcomp.friction._slider_crank`, are no names of their own
+    # modules of a package, such as `jaxcomp.friction._slider_crank_joints`, are no names of their own
     return {name: names for name, names in found.items() if names}
 
 

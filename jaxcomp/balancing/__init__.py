@@ -24,5 +24,5 @@ from ._least_squares import predicted as predicted
 from ._least_squares import quadratic as quadratic
 from ._objectives import least_masses as least_masses
 from ._objectives import min_max as min_max
-from ._places import Places as Places
-from ._places import placed as placed
+from ._weight_places import Places as Places
+from ._weight_places import placed as placed

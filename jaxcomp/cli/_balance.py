@@ -151,7 +151,7 @@ class Setting:
 
     def method(self, part: Influence, objective: Objective) -> Any:
         """The method of balancing that sets weights where they can go."""
-        from ..balancing._places import as_weights
+        from ..balancing._weight_places import as_weights
 
         removed = self._removed(part)
         radii = self._radii(part)

@@ -1,5 +1,5 @@
 from ._collocation import Collocation as Collocation
-from ._coupling import orbit_at_constant_speed as orbit_at_constant_speed
+from ._cycle_coupling import orbit_at_constant_speed as orbit_at_constant_speed
 from ._films import JournalFilm as JournalFilm
 from ._films import journal_films as journal_films
 from ._integration import TimeIntegration as TimeIntegration
@@ -12,7 +12,7 @@ from ._orbit import rod_load_reversal as rod_load_reversal
 from ._performance import Performance as Performance
 from ._performance import performance as performance
 from ._shooting import Shooting as Shooting
-from ._solve import solve_orbit as solve_orbit
+from ._solve_orbit import solve_orbit as solve_orbit
 from ._torsion import CrankTrain as CrankTrain
 from ._torsion import TorsionalChain as TorsionalChain
 from ._torsion import TrainTorques as TrainTorques

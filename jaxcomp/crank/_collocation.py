@@ -18,10 +18,10 @@ from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles, loop_of
 from ..cylinder import CycleOptions, Cylinder
 from ..mechanism import CrankState
+from ._crank_motion import closure_of
 from ._evaluation import orbit_of_motion, orbit_on_panels
 from ._iteration import OrbitParameters, Resolution, motor_steepness, prepare, revolution_edges
 from ._journals import FEWEST_PANELS, orbiting_journals
-from ._motion import closure_of
 from ._orbit import Energy, Orbit
 from ._panels import panels
 from ._reversals import OrbitProblem

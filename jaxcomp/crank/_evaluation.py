@@ -13,6 +13,7 @@ from .._core.roots import FixedPointReport, frozen
 from .._core.status import Status
 from ..compressor import Instants, instants, loop_of
 from ..friction import JointLoads
+from ._crank_motion import Course, closure_of
 from ._iteration import (
     ENERGY_FLOOR,
     Motion,
@@ -24,7 +25,6 @@ from ._iteration import (
     steepness,
 )
 from ._journals import by_joint, journal_drive, orbit_status, with_journals
-from ._motion import Course, closure_of
 from ._orbit import Energy, Orbit
 from ._panels import Panels, farthest, highest, panels
 

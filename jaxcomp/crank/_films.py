@@ -32,7 +32,7 @@ from ..film._film import AbstractCarryingFilm
 from ..film._placed import shear_drag
 from ..film._running import running_state
 from ..film._squeeze import quarter_turn, slopes_along
-from ..friction._base import EachJournal
+from ..friction._joint_laws import EachJournal
 from ._journals import position_error, rate_shares
 from ._orbit import Orbit
 from ._panels import farthest, highest

@@ -10,8 +10,8 @@ from .._core.arguments import counted
 from .._core.extremes import clip
 from ..compressor import Compressor
 from ..mechanism import CrankState
+from ._crank_motion import Instantaneous
 from ._journals import journal_drive
-from ._motion import Instantaneous
 
 # Their course is kept: some hundred bytes a step.
 MOST_STEPS = 2**22

@@ -7,7 +7,7 @@ $$dE/d\theta = M_D + M_{gas} - M_{loss}(\theta, \omega, \alpha), \qquad
 
 One iteration evaluates the torques at all nodes from the last $E$ and $\alpha$, makes one step of
 Newton's method on the joint loop of every node, integrates the torques along the panels and closes
-the revolution as the motor says (`_motion`). The places of the load reversals, at which panels end,
+the revolution as the motor says (`_crank_motion`). The places of the load reversals, at which panels end,
 are unknowns as well: the loads are evaluated there together with those at the nodes, and a step along
 the slope of the quantity that changes its sign moves the place. Friction depends weakly on the motion,
 so an iteration gains two to three digits.
@@ -26,8 +26,9 @@ from .._core.extremes import clip, max_of, maximum, min_of
 from .._core.roots import frozen
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..crankshaft._loops import MachineLoops
-from ..friction._loads import newton_step
+from ..friction._joint_loads import newton_step
 from ..mechanism import CrankState
+from ._crank_motion import Course, closure_of
 from ._journals import (
     improved_positions,
     journal_drive,
@@ -35,7 +36,6 @@ from ._journals import (
     orbiting_journals,
     with_journals,
 )
-from ._motion import Course, closure_of
 from ._panels import NO_WIDTH, Panels, panels
 
 # Kinetic energy over its mean below which the crank counts as stalled.

@@ -26,11 +26,11 @@ from ..compressor import Compressor, instants, kink_angles, loads_at
 from ..cylinder import CycleOptions
 from ..mechanism import CrankState
 from ._collocation import Collocation, default_cycle
+from ._crank_motion import closure_of, motion_at
 from ._evaluation import orbit_on_panels
 from ._integration import inside_panels, rates_over_angle
 from ._iteration import OrbitParameters, prepare, revolution_edges
 from ._journals import by_joint, journal_drive, orbit_status, orbiting_journals, with_journals
-from ._motion import closure_of, motion_at
 from ._orbit import Energy, Orbit
 from ._panels import panels
 

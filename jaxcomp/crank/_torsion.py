@@ -34,7 +34,7 @@ from .._core.results import Data, Result
 from ..compressor import Compressor, at_speed, of_each_cylinder
 from ._collocation import Collocation
 from ._orbit import Orbit, time_harmonics
-from ._solve import solve_orbit
+from ._solve_orbit import solve_orbit
 
 # Angles over which the inertia of a cylinder is averaged: its orders end far below.
 _SAMPLES = 64

@@ -26,9 +26,10 @@ from ..mechanism import CrankState
 from ._integration import TimeIntegration
 from ._journals import orbiting_journals
 from ._orbit import Energy
-from ._solve import solve_orbit
+from ._performance import law_of
+from ._solve_orbit import solve_orbit
 from ._transient_gas import DenseSteps, GasCourse, crank_rates, march_with_gas
-from ._warming import at_rise, law_of
+from ._warming import at_rise
 
 
 class Transient(Result, eqx.Module):

@@ -24,7 +24,11 @@ from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants, mechanisms_of
 from ..cylinder import Cylinder
-from ..cylinder._balance import (
+from ..cylinder._cycle_evaluation import account_scales
+from ..cylinder._cylinder import Case, prepare
+from ..cylinder._cylinder_system import Cylinders
+from ..cylinder._ends import ends_of, grouping, has_ends
+from ..cylinder._gas_balance import (
     EVENTS,
     STATES,
     Accounts,
@@ -32,16 +36,12 @@ from ..cylinder._balance import (
     temperature_and_density,
     valve_scales,
 )
-from ..cylinder._cylinder import Case, prepare
-from ..cylinder._ends import ends_of, grouping, has_ends
-from ..cylinder._evaluation import account_scales
 from ..cylinder._march import AbstractLaw, Record, Stretch, stretch, within_steps
 from ..cylinder._plenum import chains, first_states
-from ..cylinder._system import Cylinders
 from ..gas import AbstractGas
 from ..mechanism import CrankState
+from ._crank_motion import acceleration
 from ._journals import journal_drive, orbiting_journals, with_journals
-from ._motion import acceleration
 
 _LONGEST_TRIES = 8  # passes for a step that is kept, on the average, after which to give up
 

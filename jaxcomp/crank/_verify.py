@@ -19,10 +19,10 @@ from .._core.extremes import max_of, maximum
 from .._core.roots import zeros_of
 from .._core.status import Status
 from ..compressor import Compressor, instants, kink_angles
-from ..friction._loads import magnitude
+from ..friction._joint_loads import magnitude
+from ._crank_motion import Instantaneous, closure_of, motion_at
 from ._integration import TimeIntegration, inside_panels, rates_over_angle
 from ._journals import orbiting_journals, with_journals
-from ._motion import Instantaneous, closure_of, motion_at
 from ._orbit import Energy, Orbit, Verification
 
 

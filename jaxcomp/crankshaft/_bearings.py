@@ -34,8 +34,8 @@ from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing
 from ..film._placed import PlacedJournal
 from ..friction import MixedThrust, OilPump, ThrustBearing
-from ..friction._base import STANDARD_GRAVITY
-from ..friction._loads import shaft_loss
+from ..friction._joint_laws import STANDARD_GRAVITY
+from ..friction._joint_loads import shaft_loss
 from ..mechanism import Vector
 
 

@@ -24,7 +24,7 @@ from .._core.errors import BadInput
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, is_traced, quantity, rebuilt, replaced
 from ..film import AbstractJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
-from ..mechanism._base import turned_with
+from ..mechanism._mechanism import turned_with
 from ._bearings import MainBearings
 from ._throws import Throw, rod_places, throws_of
 

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import max_of, maximum, minimum
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
-from ._collocation import (
+from ._cycle_collocation import (
     AbstractEquations,
     Blocks,
     Factors,
@@ -33,9 +33,9 @@ from ._collocation import (
     solve_factors,
     solve_stages,
 )
-from ._panels import Mesh, Unknowns, at_points
+from ._cylinder_system import Cylinders, FlangeJacobian
+from ._event_panels import Mesh, Unknowns, at_points
 from ._quadrature import Quadrature, quadrature
-from ._system import Cylinders, FlangeJacobian
 from ._waves import Line, Observed, SideWaves, Waves, lines_of
 
 # [-] How far a valve may pass seat or stop between nodes, in parts of the highest two terms of its lift:

@@ -16,8 +16,8 @@ from jaxtyping import Array, Int
 from .._core.extremes import max_of
 from .._core.status import raise_at_run_time
 from ._cycle import Cycle
+from ._cycle_options import CycleOptions, may_lack_room
 from ._gas_evidence import gas_evidence
-from ._options import CycleOptions, may_lack_room
 from ._several import SeveralCycles, is_solved, of_each
 
 Answer = TypeVar("Answer")

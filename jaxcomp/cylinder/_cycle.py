@@ -12,9 +12,9 @@ from .._core.extremes import max_of
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..fluid import GasState
-from ._balance import STATES, Accounts, valve_scales
 from ._cylinder import Case
-from ._panels import SolvedPressure, over_panels, resolution, turning_margins
+from ._event_panels import SolvedPressure, over_panels, resolution, turning_margins
+from ._gas_balance import STATES, Accounts, valve_scales
 from ._pulsation import Pulsation
 from ._stability import largest_multiplier
 

@@ -23,7 +23,7 @@ from ._lines import DischargeLine, SuctionLine, by_dew_points
 from ._piston_end import PistonEnd
 from ._plenum import Plenum
 from .crank_end import CrankEnd
-from .heat._base import AbstractHeat
+from .heat._heat_transfer import AbstractHeat
 from .laminar_gap import LaminarGap
 from .load_step import ClearancePocket, LoadStep
 from .stage import Stage

@@ -15,8 +15,8 @@ from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import is_traced, rebuilt, replaced
 from ..mechanism import AbstractMechanism
+from ._cycle_options import CycleOptions
 from ._cylinder import Cylinder
-from ._options import CycleOptions
 from ._piston_end import PistonEnd
 from ._waves import is_piped
 from .laminar_gap import LaminarGap

@@ -8,8 +8,8 @@ from jaxtyping import Array, Float, Int
 
 from .._core.extremes import clip, maximum, minimum
 from .._core.polynomials import cubic_step, quintic_step
-from ._balance import EVENTS, FREE, SEAT, STATES, STOP, valve_scales
 from ._cylinder import Case
+from ._gas_balance import EVENTS, FREE, SEAT, STATES, STOP, valve_scales
 
 _LONGEST = 0.3  # [rad] step
 

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 
 from ._border import BorderEquations, Both, fixed_responses, limited
-from ._collocation import newton
-from ._options import COARSE
-from ._panels import resolution
+from ._cycle_collocation import newton
+from ._cycle_options import COARSE
+from ._event_panels import resolution
 from ._quadrature import is_too_wide
 from ._rounds import AbstractLines
 from ._waves import waves_at_rest

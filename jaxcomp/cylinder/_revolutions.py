@@ -11,9 +11,9 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import max_of, maximum
-from ._balance import Accounts
+from ._cylinder_system import Cylinders
+from ._gas_balance import Accounts
 from ._march import AbstractLaw, Record, Stretch, empty_record, stretch
-from ._system import Cylinders
 
 START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
 TURN = 2 * np.pi

@@ -11,15 +11,15 @@ from jax import lax
 from jaxtyping import Array, Bool, Int
 
 from .._core.extremes import min_of
-from ._balance import EVENTS, FLAGS, Accounts
-from ._collocation import NewtonReport, PanelEquations, newton
-from ._evaluation import CycleSolution
+from ._cycle_collocation import NewtonReport, PanelEquations, newton
+from ._cycle_evaluation import CycleSolution
+from ._cycle_options import COARSE, CycleOptions
+from ._cylinder_system import Cylinders
+from ._event_panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
+from ._gas_balance import EVENTS, FLAGS, Accounts
 from ._march import Record
-from ._options import COARSE, CycleOptions
-from ._panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
 from ._revolutions import START, TURN, march
 from ._several import NEAR
-from ._system import Cylinders
 
 
 def count_events(record: Record) -> Int[Array, "2"]:

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, quantity
 from ..gas import AbstractGas, Stroke
-from ._panels import SolvedPressure
+from ._event_panels import SolvedPressure
 
 
 class SolvedEnds(AbstractGas):

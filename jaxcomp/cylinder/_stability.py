@@ -13,10 +13,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from ._collocation import assemble, factorise, linearise
+from ._cycle_collocation import assemble, factorise, linearise
 from ._cylinder import Case
-from ._panels import Mesh, Unknowns, at_points
-from ._system import Cylinders
+from ._cylinder_system import Cylinders
+from ._event_panels import Mesh, Unknowns, at_points
 from ._waves import Waves
 
 

@@ -8,7 +8,7 @@ from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..valve import AbstractValve
 from ._plenum import Plenum
 from .crank_end import CrankEnd
-from .heat._base import AbstractHeat
+from .heat._heat_transfer import AbstractHeat
 from .laminar_gap import LaminarGap
 from .load_step import ClearancePocket
 

@@ -15,7 +15,7 @@ from .._core.errors import BadInput
 from .._core.registry import HEADLINES
 from .._core.status import SolveFailed
 from ..scene import Scene, SceneError, loads
-from ._layout import DARK, LIGHT, TABLE, WIDE, as_it_is, grid, sides
+from ._page_layout import DARK, LIGHT, TABLE, WIDE, as_it_is, grid, sides
 from ._pictures import Pictures
 from ._slider import Slider
 from ._state import Desk, Improvement

@@ -8,7 +8,7 @@ from bokeh.plotting import figure
 
 from ..plot._mechanism import line_look
 from ..plot._style import INK, colour, words
-from ._layout import WIDE
+from ._page_layout import WIDE
 from ._state import Desk, View
 
 _PINNED = "#AAAAAA"

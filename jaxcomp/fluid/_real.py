@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
-from ._base import AbstractFluid, GasState, SmallSystem
+from ._fluid import AbstractFluid, GasState, SmallSystem
 from ._helmholtz import Saturation
 
 # Of the range of an equation of state, up to which it is extrapolated.

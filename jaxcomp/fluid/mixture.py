@@ -14,10 +14,10 @@ from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import Bound, Part, is_traced, quantity, rebuilt
 from .._core.roots import root
-from ._base import SmallSystem
 from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
 from ._dew_curve import SAMPLES, DewCurve, solve_dew_curve
 from ._expanded import evaporator
+from ._fluid import SmallSystem
 from ._helmholtz import Saturation, ideal_terms
 from ._multi_fluid import (
     GERG,

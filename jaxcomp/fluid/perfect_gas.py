@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import POSITIVE, Bound, quantity
-from ._base import AbstractFluid, GasState
+from ._fluid import AbstractFluid, GasState
 
 _ZERO = 273.15  # [K] where u and s count from, s from 1 kg/m^3
 

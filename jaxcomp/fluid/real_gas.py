@@ -13,8 +13,8 @@ from .._core.errors import BadInput
 from .._core.extremes import clip, minimum
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
-from ._base import SmallSystem
 from ._blends import blends
+from ._fluid import SmallSystem
 from ._helmholtz import (
     Saturation,
     ancillary,

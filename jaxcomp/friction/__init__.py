@@ -1,17 +1,17 @@
 """Friction: the laws of single joints, and the joint loops that they couple."""
 
 from ..film import AbstractJournal as AbstractJournal
-from . import _slider_crank as _slider_crank
-from . import _slider_link as _slider_link
-from ._base import AbstractSlide as AbstractSlide
-from ._loads import AbstractFriction as AbstractFriction
-from ._loads import AbstractJointLoop as AbstractJointLoop
-from ._loads import Balance as Balance
-from ._loads import JointLoads as JointLoads
-from ._loads import Marks as Marks
-from ._loads import joint_loop as joint_loop
-from ._slider_crank import SliderCrankFriction as SliderCrankFriction
-from ._slider_link import SliderLinkFriction as SliderLinkFriction
+from . import _slider_crank_joints as _slider_crank_joints
+from . import _slider_link_joints as _slider_link_joints
+from ._joint_laws import AbstractSlide as AbstractSlide
+from ._joint_loads import AbstractFriction as AbstractFriction
+from ._joint_loads import AbstractJointLoop as AbstractJointLoop
+from ._joint_loads import Balance as Balance
+from ._joint_loads import JointLoads as JointLoads
+from ._joint_loads import Marks as Marks
+from ._joint_loads import joint_loop as joint_loop
+from ._slider_crank_joints import SliderCrankFriction as SliderCrankFriction
+from ._slider_link_joints import SliderLinkFriction as SliderLinkFriction
 from .coulomb import CoulombJournal as CoulombJournal
 from .coulomb import CoulombSlide as CoulombSlide
 from .mixed_slide import MixedSlide as MixedSlide

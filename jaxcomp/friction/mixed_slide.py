@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from .._core.fields import POSITIVE, quantity
 from ..film import AsperityContact
 from ..film._parts import check_oil, oil_viscosity
-from ._base import AbstractSlide
+from ._joint_laws import AbstractSlide
 from ._pads import PadForces, Pads, slow
 
 

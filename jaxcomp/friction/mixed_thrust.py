@@ -10,7 +10,7 @@ from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from ..film import AsperityContact
 from ..film._parts import check_oil, oil_viscosity
-from ._base import AbstractDrag
+from ._joint_laws import AbstractDrag
 from ._pads import PadForces, Pads, slow
 
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractDrag, direction
+from ._joint_laws import AbstractDrag, direction
 
 
 class OilPump(AbstractDrag):

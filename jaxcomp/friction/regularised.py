@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
 from ..film import AbstractJournal
-from ._base import AbstractSlide
+from ._joint_laws import AbstractSlide
 
 
 class RegularisedSlide(AbstractSlide):

@@ -1,7 +1,7 @@
 """Gas in the cylinder: the polytropic cycle and prescribed indicator diagrams, one law a file."""
 
-from ._base import AbstractGas as AbstractGas
-from ._base import Stroke as Stroke
+from ._gas_law import AbstractGas as AbstractGas
+from ._gas_law import Stroke as Stroke
 from .callable import CallableDiagram as CallableDiagram
 from .crank_angle_table import CrankAngleTable as CrankAngleTable
 from .double_acting import DoubleActing as DoubleActing

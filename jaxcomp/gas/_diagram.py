@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._core.fields import replaced
 from .._core.polynomials import cubics, inner_slopes
-from ._base import AbstractGas
+from ._gas_law import AbstractGas
 
 
 class AbstractDiagram(AbstractGas):

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, quantity
-from ._base import Stroke
 from ._diagram import AbstractDiagram
+from ._gas_law import Stroke
 
 
 class CallableDiagram(AbstractDiagram):

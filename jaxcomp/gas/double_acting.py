@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractGas, Stroke
+from ._gas_law import AbstractGas, Stroke
 from .polytropic import PolytropicCycle
 
 

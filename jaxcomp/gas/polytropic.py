@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.extremes import clip, maximum, minimum
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity, replaced
-from ._base import AbstractGas
+from ._gas_law import AbstractGas
 
 
 class PolytropicCycle(AbstractGas):

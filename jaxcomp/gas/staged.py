@@ -13,7 +13,7 @@ from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.fields import NONNEGATIVE, POSITIVE, Bound, quantity
 from .._core.roots import AbstractRoot, root
-from ._base import AbstractGas
+from ._gas_law import AbstractGas
 from .double_acting import DoubleActing
 from .polytropic import PolytropicCycle
 

@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.extremes import maximum
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity, replaced
-from ._base import (
+from ._mechanism import (
     AbstractKinematics,
     AbstractMechanism,
     CrankState,

@@ -33,7 +33,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.extremes import maximum
 from .._core.fields import ANY, NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractKinematics, AbstractMechanism, crank_direction, swing_at
+from ._mechanism import AbstractKinematics, AbstractMechanism, crank_direction, swing_at
 
 
 class SliderLink(AbstractMechanism):

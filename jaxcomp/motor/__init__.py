@@ -1,7 +1,7 @@
 """Motors: torque over speed, one law a file."""
 
-from ._base import AbstractMotor as AbstractMotor
-from ._base import MotorEfficiency as MotorEfficiency
+from ._motor import AbstractMotor as AbstractMotor
+from ._motor import MotorEfficiency as MotorEfficiency
 from .constant_speed import ConstantSpeed as ConstantSpeed
 from .constant_torque import ConstantTorque as ConstantTorque
 from .kloss import Kloss as Kloss

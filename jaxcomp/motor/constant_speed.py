@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, quantity
-from ._base import AbstractMotor
+from ._motor import AbstractMotor
 
 
 class ConstantSpeed(AbstractMotor):

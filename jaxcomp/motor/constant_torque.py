@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import ANY, POSITIVE, quantity
-from ._base import AbstractMotor
+from ._motor import AbstractMotor
 
 
 class ConstantTorque(AbstractMotor):

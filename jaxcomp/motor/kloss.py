@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from .._core.extremes import minimum
 from .._core.fields import POSITIVE, quantity
-from ._base import AbstractMotor
+from ._motor import AbstractMotor
 
 
 class Kloss(AbstractMotor):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._core.fields import POSITIVE, quantity
-from ._base import AbstractMotor
+from ._motor import AbstractMotor
 
 
 class MeanSpeed(AbstractMotor):

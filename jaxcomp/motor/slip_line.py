@@ -5,7 +5,7 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from .._core.fields import POSITIVE, quantity
-from ._base import AbstractMotor
+from ._motor import AbstractMotor
 
 
 class SlipLine(AbstractMotor):

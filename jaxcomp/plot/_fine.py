@@ -18,8 +18,8 @@ from ..compressor import (
     mechanisms_of,
 )
 from ..crank import Orbit
+from ..crank._crank_motion import acceleration
 from ..crank._journals import orbiting_journals, with_journals
-from ..crank._motion import acceleration
 from ..friction import JointLoads
 from ..mechanism import CrankState
 

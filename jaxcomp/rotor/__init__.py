@@ -13,7 +13,7 @@ from ._campbell import CriticalSpeeds as CriticalSpeeds
 from ._campbell import campbell as campbell
 from ._campbell import critical_speeds as critical_speeds
 from ._conventions import AXES as AXES
-from ._crankshaft import crankshaft_of as crankshaft_of
+from ._crankshaft_of_rotor import crankshaft_of as crankshaft_of
 from ._damped import DampedModes as DampedModes
 from ._damped import damped_modes as damped_modes
 from ._links import Clamped as Clamped

@@ -6,6 +6,7 @@ from ._analysis import DesignResult as DesignResult
 from ._analysis import available_quantities as available_quantities
 from ._analysis import balanced_design as balanced_design
 from ._analysis import registered as registered
+from ._analysis_options import AnalysisOptions as AnalysisOptions
 from ._api_618 import ProcessSheet as ProcessSheet
 from ._compared import Comparison as Comparison
 from ._compared import RodDrive as RodDrive
@@ -16,7 +17,6 @@ from ._load_steps import LoadSteps as LoadSteps
 from ._load_steps import load_steps as load_steps
 from ._optimise import optimise as optimise
 from ._optimum import Optimum as Optimum
-from ._options import AnalysisOptions as AnalysisOptions
 from ._pareto import ParetoFront as ParetoFront
 from ._pareto import pareto as pareto
 from ._problem import prepared as prepared
@@ -33,12 +33,12 @@ from ._sensitivity import sensitivity as sensitivity
 from ._steady_state import SteadyState as SteadyState
 from ._steady_state import steady_state as steady_state
 from ._variables import variable as variable
+from .identification._bounded_least_squares import Parameter as Parameter
 from .identification._crank_tests import Table as Table
 from .identification._crank_tests import Trace as Trace
 from .identification._fit import Fit as Fit
 from .identification._fit import fit as fit
 from .identification._identify import identify as identify
-from .identification._least_squares import Parameter as Parameter
 from .identification._measurement import AbstractMeasurement as AbstractMeasurement
 from .identification._readings import Readings as Readings
 from .identification._recipe import RECIPE as RECIPE

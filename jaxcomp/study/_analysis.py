@@ -28,12 +28,12 @@ from ..crank import (
 from ..crank._orbit import time_harmonics
 from ..cylinder._climb import events_without_room
 from ..cylinder._several import of_each
-from ..friction._loads import magnitude
+from ..friction._joint_loads import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
 from ..vibration._coupling import CrankLoads
+from ._analysis_options import AnalysisOptions
 from ._ideal_delivery import IdealDelivery, ideal_delivery
-from ._options import AnalysisOptions
 from ._rotor_response import (
     Vibration,
     all_crank_loads,

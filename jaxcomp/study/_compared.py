@@ -39,7 +39,7 @@ from ..friction import CoulombJournal, SliderCrankFriction, SliderLinkFriction
 from ..machine import HasMachine, Machine, machine_of
 from ..mechanism import SliderCrank, SliderLink
 from ._analysis import DesignResult, quantity_named
-from ._options import AnalysisOptions
+from ._analysis_options import AnalysisOptions
 from ._rules import design_rules
 
 # What quantities may need that follow from the crank's motion and the gas alone.

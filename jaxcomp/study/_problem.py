@@ -25,7 +25,7 @@ from ..cylinder._ends import options_of
 from ..cylinder._waves import is_piped
 from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
-from ._options import AnalysisOptions, checked_options
+from ._analysis_options import AnalysisOptions, checked_options
 from ._rotor_response import by_crank, known_response
 from ._variables import Variable, by_name, changed
 from ._variables import variable as find_variable

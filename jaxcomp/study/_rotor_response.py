@@ -27,7 +27,7 @@ from ..rotor._loads import load_vector
 from ..rotor._nodes import node_names
 from ..vibration import crank_loads, running_rotor
 from ..vibration._coupling import CrankLoads
-from ._options import AnalysisOptions, KnownResponse, Reading
+from ._analysis_options import AnalysisOptions, KnownResponse, Reading
 
 
 class Vibration(NamedTuple):

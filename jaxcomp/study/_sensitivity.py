@@ -20,8 +20,8 @@ from ..crank._collocation import default_collocation
 from ..cylinder import Cylinder
 from ..machine import HasMachine, Machine, machine_of
 from ._analysis import DesignResult
+from ._analysis_options import AnalysisOptions, checked_options
 from ._labels import variable_label
-from ._options import AnalysisOptions, checked_options
 from ._problem import (
     Problem,
     RequestedQuantity,

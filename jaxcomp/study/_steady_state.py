@@ -278,7 +278,7 @@ def _numbers(
 ) -> tuple[dict[str, Any], dict[str, Any], RodForces | None]:
     """All numbers at once: one compiled program instead of dozens of small ones."""
     from ._analysis import DesignResult
-    from ._options import AnalysisOptions
+    from ._analysis_options import AnalysisOptions
 
     result = DesignResult(machine, AnalysisOptions())
     result.assembly = assembly

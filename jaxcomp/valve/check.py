@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from ._base import AbstractValve
+from ._valve import AbstractValve
 
 
 class CheckValve(AbstractValve):

@@ -6,7 +6,7 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from .._core.fields import NONNEGATIVE, POSITIVE, quantity
-from ._base import AbstractMovingValve, Oscillator
+from ._valve import AbstractMovingValve, Oscillator
 
 
 class PlateValve(AbstractMovingValve):

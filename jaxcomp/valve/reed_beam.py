@@ -6,7 +6,7 @@ from typing import ClassVar
 from jaxtyping import Array, Float
 
 from .._core.fields import POSITIVE, quantity
-from ._base import AbstractMovingValve, Oscillator
+from ._valve import AbstractMovingValve, Oscillator
 
 
 class ReedBeam(AbstractMovingValve):

@@ -28,7 +28,7 @@ from ..machine import Assembly, Machine
 from ..mechanism import SliderLink, Vector
 from ..motor import ConstantSpeed
 from ..rotor import ConstantLaw, LoadedFilm, PeriodicForce, RotorModel, SpeedTable, Unbalances
-from ..rotor._crankshaft import main_films
+from ..rotor._crankshaft_of_rotor import main_films
 from ._crank_forces import crank_forces
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from ..mechanism import (
     rod_motion,
     rotating,
 )
-from ..mechanism._base import cross
+from ..mechanism._mechanism import cross
 
 
 class Wrench(NamedTuple):

@@ -17,7 +17,7 @@ from jaxcomp.gas import StagedCycle
 from jaxcomp.machine import Machine
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import MeanSpeed
-from jaxcomp.study.accuracy._orbit import orbit_reference
+from jaxcomp.study.accuracy._orbit_study import orbit_reference
 from jaxcomp.study.accuracy._report import Measurement
 from jaxcomp.study.accuracy._study import Question, SolverProgram, Study
 

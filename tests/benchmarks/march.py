@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 from jaxcomp import BadInput, Collocation, TimeIntegration, simulate, solve_orbit
 from jaxcomp._core.status import Status
 from jaxcomp.compressor import Compressor, kink_angles
-from jaxcomp.crank._motion import acceleration
+from jaxcomp.crank._crank_motion import acceleration
 from jaxcomp.study.accuracy import Report
 from jaxcomp.study.accuracy._extremes import with_slip
 from jaxcomp.study.accuracy._report import Reference

@@ -45,7 +45,7 @@ from jaxcomp.study._analysis import quantity_named
 from jaxcomp.study._variables import variable_names
 from jaxcomp.study.accuracy._accuracy import StudyKind
 from jaxcomp.study.accuracy._extremes import scaled
-from jaxcomp.study.accuracy._orbit import orbit_reference, shooting
+from jaxcomp.study.accuracy._orbit_study import orbit_reference, shooting
 from jaxcomp.study.accuracy._report import Reference
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,

@@ -20,7 +20,7 @@ from jaxcomp.cli._map import axis
 from jaxcomp.cli._start import CommandError
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.gas import PolytropicCycle, StagedCycle
-from jaxcomp.gas._base import EachGas
+from jaxcomp.gas._gas_law import EachGas
 from jaxcomp.study.sweep import grid, log_grid, uniform
 
 MANY = 10**10

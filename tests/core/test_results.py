@@ -37,7 +37,7 @@ from jaxcomp.crank import Orbit, TrainTorques
 from jaxcomp.crank._journal_orbit import journal_orbit
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.film import JournalBearing, operating_point, pressure_field, steady_bearing
-from jaxcomp.friction._slider_crank import SliderCrankLoop
+from jaxcomp.friction._slider_crank_joints import SliderCrankLoop
 from jaxcomp.parts import Part, quantity
 from jaxcomp.rotor import (
     Disks,

@@ -12,7 +12,7 @@ from jaxcomp import Compressor, simulate, solve_orbit
 from jaxcomp._core.polynomials import gauss
 from jaxcomp.crank import TimeIntegration, orbit_at_constant_speed
 from jaxcomp.crank._collocation import default_collocation
-from jaxcomp.crank._coupling import Motion, _combined, _excess_at
+from jaxcomp.crank._cycle_coupling import Motion, _combined, _excess_at
 from jaxcomp.crankshaft import Crankshaft
 from jaxcomp.cylinder._cylinder import Pace
 from jaxcomp.motor import SlipLine

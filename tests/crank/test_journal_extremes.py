@@ -14,7 +14,7 @@ from jaxcomp import Collocation, Shooting, Status, load, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.crank import journal_films
 from jaxcomp.scene import with_value
-from jaxcomp.study.accuracy._orbit import other_method
+from jaxcomp.study.accuracy._orbit_study import other_method
 from jaxcomp.study.accuracy._study import Question
 
 FAST = Collocation(nodes=8, reversals=0, tolerance=1e-9)

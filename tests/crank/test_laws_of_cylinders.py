@@ -14,9 +14,9 @@ from jaxcomp.compressor import instants, kink_angles, loads_at
 from jaxcomp.crank._films import film_thickness
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import CoulombJournal, CoulombSlide, RegularisedJournal, RegularisedSlide
-from jaxcomp.friction._base import EachJournal, EachSlide
+from jaxcomp.friction._joint_laws import EachJournal, EachSlide
 from jaxcomp.gas import CrankAngleTable, PolytropicCycle, StagedCycle
-from jaxcomp.gas._base import EachGas
+from jaxcomp.gas._gas_law import EachGas
 from jaxcomp.mechanism import CrankState
 from jaxcomp.scene import with_values
 

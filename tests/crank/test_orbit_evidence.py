@@ -22,7 +22,7 @@ from jaxcomp import (
 from jaxcomp._core.fields import replaced
 from jaxcomp._core.status import Status
 from jaxcomp.compressor import instants
-from jaxcomp.crank._solve import _LOSS_ERROR
+from jaxcomp.crank._solve_orbit import _LOSS_ERROR
 from jaxcomp.study import AnalysisOptions, problem
 
 # A valid machine whose crank-pin load all but vanishes: 93 N of 7800 N at 2.1 degrees.

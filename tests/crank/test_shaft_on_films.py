@@ -10,7 +10,7 @@ from jaxcomp.crankshaft import MainBearings
 from jaxcomp.film import JournalBearing, NamedBearing
 from jaxcomp.friction import CoulombJournal
 from jaxcomp.rotor import Link, LoadedFilm, RotorModel, ShaftElements
-from jaxcomp.rotor._crankshaft import shaft_bearings
+from jaxcomp.rotor._crankshaft_of_rotor import shaft_bearings
 
 JOURNAL = CoulombJournal(0.013, 0.092)
 POSITION = jnp.array([-0.25, 0.05, 0.3])

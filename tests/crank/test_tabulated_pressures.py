@@ -13,7 +13,7 @@ from jaxcomp import CrankAngleTable, PolytropicCycle, VolumeTable, solve_orbit
 from jaxcomp.compressor import stroke_at
 from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.gas import FourierDiagram
-from jaxcomp.gas._base import EachGas
+from jaxcomp.gas._gas_law import EachGas
 from jaxcomp.scene import loads, start
 
 # [Pa] A cycle like that of the golden machine; its points alone reach the solver.

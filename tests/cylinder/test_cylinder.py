@@ -169,7 +169,7 @@ def test_another_speed_or_number_is_no_other_program(monkeypatch):
     def traced_again(*_):
         raise AssertionError("traced again")
 
-    monkeypatch.setattr("jaxcomp.cylinder._solve.prepare", traced_again)
+    monkeypatch.setattr("jaxcomp.cylinder._solve_cycle.prepare", traced_again)
     other = with_values(golden("D"), clearance_ratio=0.0251)
     assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, COLLOCATION).converged)
 
@@ -390,8 +390,8 @@ def test_heat_and_leakage_that_are_absent_are_not_traced():
     )
 
     def operations(cylinder):
-        from jaxcomp.cylinder._balance import initial, rates
         from jaxcomp.cylinder._cylinder import prepare
+        from jaxcomp.cylinder._gas_balance import initial, rates
 
         case = prepare(cylinder, mechanism(), SPEED)
         state, flags = initial(case, -1.5)
@@ -467,8 +467,8 @@ def test_extreme_machines_converge_or_say_why():
 
 def test_leakage_and_heat_switch_off_exactly():
     """A gap of zero is no leakage, to the last bit of the balance."""
-    from jaxcomp.cylinder._balance import initial, rates
     from jaxcomp.cylinder._cylinder import prepare
+    from jaxcomp.cylinder._gas_balance import initial, rates
 
     base = golden("C")
     tight = eqx.tree_at(lambda c: c.leakage, base, None)
@@ -543,9 +543,9 @@ def _absent(leaf):
 
 def test_whether_a_valve_rests_is_decided_without_the_damping_of_its_impact():
     """A force that presses on the seat holds a valve that meets it, however fast it comes."""
-    from jaxcomp.cylinder._balance import FREE, SEAT, initial, rates
     from jaxcomp.cylinder._cylinder import prepare
     from jaxcomp.cylinder._events import after_event
+    from jaxcomp.cylinder._gas_balance import FREE, SEAT, initial, rates
 
     case = prepare(with_values(golden("D"), suction_valve__damping=50.0), mechanism(), SPEED)
     state, flags = initial(case, -1.5)  # compressed: the pressure presses the suction valve down
@@ -562,7 +562,7 @@ def test_an_implicit_method_of_diffrax_follows_the_collocation():
     """Kvaerno5 between the edges of the panels, with the laws and nothing else in common."""
     import diffrax
 
-    from jaxcomp.cylinder._balance import rates
+    from jaxcomp.cylinder._gas_balance import rates
 
     cycle = solve_cycle(golden("C"), mechanism(), SPEED, COLLOCATION)
     mesh, z, _ = cycle.raw

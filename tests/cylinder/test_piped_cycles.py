@@ -13,7 +13,7 @@ from reference_pipes import AIR, SPEED, crank, cylinder, solved, suction_pipe
 from jaxcomp import BadInput, Status
 from jaxcomp._core.fields import replaced
 from jaxcomp.cylinder import CycleOptions, Cylinder, Plenum, SuctionLine, solve_cycle
-from jaxcomp.cylinder._solve import solve_cycles
+from jaxcomp.cylinder._solve_cycle import solve_cycles
 from jaxcomp.piping import ClosedEnd, Orifice, Pipes, Piping, Run, Volume
 
 # a program of its own for every network, each with a minute of compilation on two busy cores

@@ -13,8 +13,8 @@ from jaxcomp import load
 from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._cylinder_system import Cylinders
 from jaxcomp.cylinder._plenum import chain_scales
-from jaxcomp.cylinder._system import Cylinders
 from jaxcomp.plot._cylinder import valve_motion
 
 

@@ -14,7 +14,7 @@ from jaxcomp.crank import Collocation, TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Annand, CycleOptions, WallNetwork, solve_cycle
 from jaxcomp.cylinder._cylinder import prepare
-from jaxcomp.cylinder._system import Cylinders
+from jaxcomp.cylinder._cylinder_system import Cylinders
 from jaxcomp.scene import with_values
 
 

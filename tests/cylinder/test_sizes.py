@@ -11,11 +11,11 @@ from jaxcomp import SolveFailed, Status
 from jaxcomp._core.fields import rebuilt
 from jaxcomp.cylinder import CrankEnd, CycleOptions, LaminarGap, solve_cycle
 from jaxcomp.cylinder._climb import Climb
+from jaxcomp.cylinder._cycle_options import may_lack_room
 from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._cylinder_system import Cylinders
 from jaxcomp.cylinder._ends import options_of
-from jaxcomp.cylinder._options import may_lack_room
 from jaxcomp.cylinder._revolutions import march
-from jaxcomp.cylinder._system import Cylinders
 
 TOO_MANY = Status.too_many_events
 

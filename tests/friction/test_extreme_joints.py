@@ -12,7 +12,7 @@ import pytest
 from helpers import coulomb, every_leaf_finite, mechanism, regularised
 from mechanism import test_slider_link
 
-from jaxcomp.friction._loads import joint_loads
+from jaxcomp.friction._joint_loads import joint_loads
 from jaxcomp.mechanism import CrankState
 
 SHARES = np.concatenate([[0.0], np.logspace(-6, 4, 21)])

@@ -24,7 +24,7 @@ from helpers import (
 from jaxcomp import BadInput, Compressor
 from jaxcomp.compressor import loads_at
 from jaxcomp.friction import CoulombJournal, CoulombSlide, PistonFilm, SliderCrankFriction
-from jaxcomp.friction._loads import relative
+from jaxcomp.friction._joint_loads import relative
 from jaxcomp.mechanism import CrankState, SliderCrank, rod_motion
 from jaxcomp.motor import ConstantTorque
 

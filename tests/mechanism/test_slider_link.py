@@ -27,7 +27,7 @@ from jaxcomp.friction import (
     SliderLinkFriction,
     ThrustBearing,
 )
-from jaxcomp.friction._loads import joint_loads as eager_joint_loads
+from jaxcomp.friction._joint_loads import joint_loads as eager_joint_loads
 from jaxcomp.mechanism import CrankState, SliderLink, contact
 from jaxcomp.mechanism._slider_link import ContactArms, PistonLoads, contact_arms
 from jaxcomp.motor import MeanSpeed

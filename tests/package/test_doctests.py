@@ -14,7 +14,7 @@ EXAMPLES = {
     "trial_influence": "jaxcomp.balancing._influence",
 }
 SLOW = {
-    "solve_orbit": "jaxcomp.crank._solve",
+    "solve_orbit": "jaxcomp.crank._solve_orbit",
     "respond": "jaxcomp.rotor._response",
     "simulate": "jaxcomp.crank._transient",
     "optimise": "jaxcomp.study._optimise",

@@ -32,6 +32,8 @@ FLOORS = [
     {"cli"},
 ]
 RANK = {name: rank for rank, floor in enumerate(FLOORS) for name in floor} | {"_core": -1}
+# Packages whose files are called after what they show of others.
+MIRRORS = {"plot", "report", "cli"}
 # Libraries of the edge, and the lowest floor that may import them.
 EDGE = {
     "pint": "scene",
@@ -161,9 +163,27 @@ def test_what_is_not_public_is_imported_from_where_it_is_defined():
     assert list(_passed_on(_modules())) == []
 
 
+def _repeated_file_names(paths):
+    """Names of modules that stand in two packages; commands, pictures and reports mirror others."""
+    folders: dict[str, list[str]] = {}
+    for path in paths:
+        package = path.relative_to(PACKAGE).parts[0]
+        if path.parent != PACKAGE and path.name != "__init__.py" and package not in MIRRORS:
+            folders.setdefault(path.name, []).append(str(path.parent.relative_to(PACKAGE)))
+    return {name: where for name, where in folders.items() if len(where) > 1}
+
+
+def test_no_file_name_stands_in_two_packages():
+    assert _repeated_file_names(path for path, _ in _modules()) == {}
+    twins = [PACKAGE / "crank" / "_solve.py", PACKAGE / "rotor" / "_solve.py"]
+    assert list(_repeated_file_names(twins)) == ["_solve.py"]
+
+
 def test_what_breaks_the_order_is_found():
-    film, parts, solver = (_file(one) for one in ("film._film", "film._parts", "crank._solve"))
-    wrong = [(film, "from ..crank import Orbit\nfrom ..crank._solve import x\nimport pint")]
+    film, parts, solver = (
+        _file(one) for one in ("film._film", "film._parts", "crank._solve_orbit")
+    )
+    wrong = [(film, "from ..crank import Orbit\nfrom ..crank._solve_orbit import x\nimport pint")]
     assert len(list(_against_the_order(wrong))) == 3
     inner = [(film, "from ._parts import Oil"), (parts, "def f():\n    from . import _film")]
     assert len(_circle(inner)) == 3

@@ -9,7 +9,7 @@ from scipy.linalg import toeplitz
 
 from jaxcomp import Collocation, load, solve_orbit, with_bore
 from jaxcomp.gas import PolytropicCycle
-from jaxcomp.gas._base import Stroke
+from jaxcomp.gas._gas_law import Stroke
 from jaxcomp.mechanism import SliderCrank, rod_motion
 
 BORES = np.arange(100, 181, 10)  # [mm]

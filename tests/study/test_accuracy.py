@@ -17,9 +17,9 @@ from jaxcomp.machine import machine_of
 from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.accuracy import Report
 from jaxcomp.study.accuracy._accuracy import STUDIES
-from jaxcomp.study.accuracy._orbit import by_scipy, known_quantities
+from jaxcomp.study.accuracy._orbit_study import by_scipy, known_quantities
 from jaxcomp.study.accuracy._report import Measurement, Reference
-from jaxcomp.study.accuracy._rotor import film_places
+from jaxcomp.study.accuracy._rotor_study import film_places
 from jaxcomp.study.accuracy._study import (
     ROTOR_QUANTITIES,
     Call,
@@ -161,7 +161,7 @@ def scipy_program(machine):
     from scipy.integrate import solve_ivp
     from scipy.optimize import brentq
 
-    from jaxcomp.crank._motion import acceleration
+    from jaxcomp.crank._crank_motion import acceleration
 
     @jax.jit
     def law(angle, speed):
@@ -193,7 +193,7 @@ def scipy_program(machine):
 
 @pytest.mark.slow
 def test_slider_link_machine_beside_a_scipy_program_of_its_own():
-    from jaxcomp.study.accuracy._orbit import orbit_reference
+    from jaxcomp.study.accuracy._orbit_study import orbit_reference
 
     scene = load("slider-link-8cc")
     gas, losses = scipy_program(scene.compressor)
@@ -209,7 +209,7 @@ def test_slider_link_machine_beside_a_scipy_program_of_its_own():
 def test_mayekawa_machine_beside_the_program_of_rigid_bodies():
     import reference as bodies
 
-    from jaxcomp.study.accuracy._orbit import orbit_reference
+    from jaxcomp.study.accuracy._orbit_study import orbit_reference
 
     scene = load("mayekawa-wbhe")
     own = bodies.from_compressor(scene.compressor)
@@ -658,7 +658,7 @@ def test_every_quantity_has_a_true_error_or_a_refusal_in_words(monkeypatch, name
     some = tuple(
         one for one in every if (one.partition(".")[0] in ROTOR_QUANTITIES) == (part == "rotor")
     )
-    monkeypatch.setattr("jaxcomp.study.accuracy._orbit.known_quantities", lambda design: some)
+    monkeypatch.setattr("jaxcomp.study.accuracy._orbit_study.known_quantities", lambda design: some)
     found = accuracy(load(name), None, "quantities")
     assert [row.method for row in found.rows] == list(some)
     unlike = {}

@@ -10,7 +10,7 @@ from jaxcomp._core.nested import plain
 from jaxcomp.cli._accuracy import accuracy_tables
 from jaxcomp.machine import machine_of
 from jaxcomp.study.accuracy import STUDIES, Report
-from jaxcomp.study.accuracy._cycle import (
+from jaxcomp.study.accuracy._cycle_study import (
     VARIABLES,
     cycle_study,
     derivatives,

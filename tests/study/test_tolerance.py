@@ -10,7 +10,7 @@ from scipy import stats
 
 from jaxcomp import BadInput, Collocation, load, problem, tolerance, within
 from jaxcomp.study import AnalysisOptions
-from jaxcomp.study.sweep._blocks import default_width
+from jaxcomp.study.sweep._design_blocks import default_width
 from jaxcomp.study.tolerance import scatter_of
 from jaxcomp.study.tolerance._moments import local, sampled, solved_rows
 from jaxcomp.study.tolerance._reliability import Limit, reliability
@@ -224,9 +224,9 @@ def test_samples_do_not_depend_on_the_blocks(scene, monkeypatch):
 
 
 def _programs_of_worker():
-    from jaxcomp.study.sweep import _blocks
+    from jaxcomp.study.sweep import _design_blocks
 
-    return len(_blocks._PROGRAMS)
+    return len(_design_blocks._PROGRAMS)
 
 
 @pytest.mark.slow  # three processes that compile

@@ -177,7 +177,7 @@ def test_weights_of_a_stock_are_the_best_of_all_combinations(seed):
 @pytest.mark.parametrize("counts", [None, (2, 1, 2)])
 def test_pairs_of_sums_give_the_same_as_a_list_of_all(monkeypatch, counts):
     """Where all sums are too many to list, pairs of those of half the weights are looked at."""
-    from jaxcomp.balancing import _places
+    from jaxcomp.balancing import _weight_places
 
     for seed in range(6):
         # with little that no weight removes, or every pair of planes would have to be looked at
@@ -187,7 +187,7 @@ def test_pairs_of_sums_give_the_same_as_a_list_of_all(monkeypatch, counts):
         options = {"counts": counts, "per_place": 1, "most_weights": 4}
         listed = placed(influence, places, masses, **options)
         with monkeypatch.context() as patch:
-            patch.setattr(_places, "_MOST_SUMS", 400)
+            patch.setattr(_weight_places, "_MOST_SUMS", 400)
             paired = placed(influence, places, masses, **options)
         assert float(paired.objective) == pytest.approx(float(listed.objective), rel=1e-12)
         assert bool(paired.converged)
@@ -197,7 +197,7 @@ def test_pairs_of_sums_give_the_same_as_a_list_of_all(monkeypatch, counts):
 
 
 def test_what_is_not_proven_says_so(monkeypatch):
-    from jaxcomp.balancing import _places
+    from jaxcomp.balancing import _weight_places
 
     influence, planted = system(5, 2, seed=3)
     masses = np.abs(planted).mean() * np.array([0.2, 0.5])
@@ -205,7 +205,7 @@ def test_what_is_not_proven_says_so(monkeypatch):
     whole = placed(influence, places, masses, most_weights=4)
     assert bool(whole.converged)
     with monkeypatch.context() as patch:
-        patch.setattr(_places, "_MOST_SUMS", 20)
+        patch.setattr(_weight_places, "_MOST_SUMS", 20)
         early = placed(influence, places, masses, most_weights=4)
     assert not bool(early.converged)
     assert float(early.bound) <= float(whole.objective) <= float(early.objective) * (1 + 1e-12)
@@ -216,7 +216,7 @@ def test_what_is_not_proven_says_so(monkeypatch):
         masses = np.abs(planted).mean() * np.array([0.3, 0.7])
         whole = placed(influence, Places(BLADES[::4]), masses, most_weights=2)
         with monkeypatch.context() as patch:
-            patch.setattr(_places, "_MOST_POINTS", 0)
+            patch.setattr(_weight_places, "_MOST_POINTS", 0)
             early = placed(influence, Places(BLADES[::4]), masses, most_weights=2)
         assert float(early.bound) <= float(whole.objective) * (1 + 1e-12)
         assert float(whole.objective) <= float(early.objective) * (1 + 1e-12)

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from ._base import AbstractHeat
+from ._heat_transfer import AbstractHeat
 
 
 class Adair(AbstractHeat):

@@ -5,7 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from ..._core.extremes import maximum
-from ._base import AbstractHeat
+from ._heat_transfer import AbstractHeat
 
 
 class Disconzi(AbstractHeat):

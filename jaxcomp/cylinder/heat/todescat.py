@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from ._base import AbstractHeat
+from ._heat_transfer import AbstractHeat
 
 
 class Todescat(AbstractHeat):

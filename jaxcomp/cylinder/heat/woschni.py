@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from ..._core.extremes import maximum
-from ._base import AbstractHeat
+from ._heat_transfer import AbstractHeat
 
 
 class Woschni(AbstractHeat):

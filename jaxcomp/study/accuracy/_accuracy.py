@@ -13,11 +13,11 @@ from ...crank import solve_orbit
 from ...machine import HasMachine, Machine, machine_of
 from ...rotor import LoadCase
 from .._analysis import quantity_named
-from ._cycle import cycle_study
+from ._cycle_study import cycle_study
 from ._gradient import gradient_study
-from ._orbit import orbit_study, quantities_study
+from ._orbit_study import orbit_study, quantities_study
 from ._report import Cost, Measurement, Report
-from ._rotor import FILM_QUANTITIES, film_study, response_study
+from ._rotor_study import FILM_QUANTITIES, film_study, response_study
 from ._study import ROTOR_QUANTITIES, Program, Question, Study, answer, measured
 
 

@@ -31,7 +31,7 @@ from ...mechanism import SliderCrank
 from ...motor import ConstantSpeed, SlipLine
 from ...rotor import respond
 from ...vibration import loaded_rotor
-from ._cycle import one_cylinder
+from ._cycle_study import one_cylinder
 from ._report import COMPUTER, this_computer
 from ._study import median_time
 

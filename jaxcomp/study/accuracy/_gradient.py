@@ -15,9 +15,9 @@ from ..._core.errors import BadInput
 from ...crank import Collocation, Shooting
 from .. import variable
 from .._analysis import quantity_named
-from ._orbit import other_method
+from ._orbit_study import other_method
 from ._report import Reference
-from ._rotor import FILM_QUANTITIES, film_gradient_study
+from ._rotor_study import FILM_QUANTITIES, film_gradient_study
 from ._study import (
     FINE_TOLERANCE,
     TIGHT_TOLERANCE,

@@ -14,11 +14,11 @@ from ...crank import Collocation, solve_orbit
 from ...cylinder import Cylinder
 from ...machine import Machine, assembled
 from .._analysis import DesignResult, quantity_named
-from .._options import AnalysisOptions
+from .._analysis_options import AnalysisOptions
 from .._problem import value_of
 from .._variables import variable
 from ..rating import solve_rated
-from ._least_squares import Parameter
+from ._bounded_least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual, usual
 
 if TYPE_CHECKING:

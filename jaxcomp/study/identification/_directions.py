@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._least_squares import LeastSquares, Parameter
+from ._bounded_least_squares import LeastSquares, Parameter
 from ._parameter_words import in_words
 
 # What a combination of parameters moves chi-square by over its whole range, below which it is weak.

@@ -15,8 +15,8 @@ from scipy.stats import qmc
 
 from ..._core.errors import BadInput
 from ..._core.words import one_of
+from ._bounded_least_squares import LeastSquares, Model, Parameter, check_problem
 from ._directions import Direction, directions_of
-from ._least_squares import LeastSquares, Model, Parameter, check_problem
 
 # Distance from a bound, over the range, at which a parameter counts as held by it.
 _AT_BOUND = 1e-3

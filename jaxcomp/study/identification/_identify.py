@@ -10,9 +10,9 @@ from ..._core.errors import BadInput
 from ..._core.words import one_of
 from ...machine import HasMachine, Machine, machine_of
 from .._variables import Variable, changed
+from ._bounded_least_squares import Parameter, check_problem
 from ._common_factor import CommonFactor, varied
 from ._fit import Fit, fit
-from ._least_squares import Parameter, check_problem
 from ._measurement import AbstractMeasurement
 from ._notes import notes_of
 from ._reading_model import ReadingModel

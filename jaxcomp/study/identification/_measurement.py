@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 from numpy.typing import NDArray
 
 from ...machine import Machine
-from ._least_squares import Parameter
+from ._bounded_least_squares import Parameter
 
 if TYPE_CHECKING:
     from ...crank import Collocation, Shooting

@@ -20,7 +20,7 @@ from ...fluid import AbstractRealGas
 from ...fluid._real import has_dew_line
 from ...machine import Machine, assembled
 from ..rating import QUANTITIES, ZERO, RatingPoint, capacity_rise, rated
-from ._least_squares import Parameter
+from ._bounded_least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual
 
 # What a map measures: unit, whether the deviation is relative, and deviation by default, of readings and

@@ -17,8 +17,8 @@ from ...machine import Machine, assembled
 from ...rotor import AXES, node_index, undamped_modes
 from ...rotor._prepare import prepare
 from .._analysis import DesignResult
-from .._options import AnalysisOptions
-from ._least_squares import Parameter
+from .._analysis_options import AnalysisOptions
+from ._bounded_least_squares import Parameter
 from ._measurement import AbstractMeasurement, Entries, Kind, stated_or_usual, usual
 
 _DEGREE = np.pi / 180

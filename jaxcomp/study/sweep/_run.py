@@ -19,7 +19,7 @@ from .. import variable as find_variable
 from .._analysis import quantity_named
 from .._problem import Problem, RequestedQuantity, problem_of
 from .._variables import Variable, by_name
-from ._blocks import Device, chosen_devices, default_width, solved_blocks
+from ._design_blocks import Device, chosen_devices, default_width, solved_blocks
 from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent, uniform
 from ._store import (
     OK,

@@ -27,7 +27,7 @@ from ..._core.errors import BadInput
 from ..._core.progress import progress_of
 from .._problem import Problem, solved, solves_gas
 from .._variables import is_fraction
-from ..sweep._blocks import default_width, solved_blocks
+from ..sweep._design_blocks import default_width, solved_blocks
 from ._scatter import Sampling, Scatter, drawn_normals
 
 if TYPE_CHECKING:

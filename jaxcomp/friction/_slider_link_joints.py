@@ -23,8 +23,8 @@ from ..film import AbstractJournal
 from ..film._placed import PlacedJournal
 from ..mechanism import CrankState, LinkMotion, SliderLink, Vector, contact
 from ..mechanism._slider_link import Contact, ContactArms, PistonLoads, contact_arms
-from ._base import AbstractSlide
-from ._loads import (
+from ._joint_laws import AbstractSlide
+from ._joint_loads import (
     AbstractFriction,
     AbstractJointLoop,
     Balance,

@@ -22,9 +22,9 @@ from .._core.elimination import solve_triangles
 from .._core.extremes import max_of, maximum, min_of
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
-from ._balance import FLAGS, FREE
-from ._panels import Mesh, Unknowns, at_points, highest, last_terms
-from ._system import Cylinders
+from ._cylinder_system import Cylinders
+from ._event_panels import Mesh, Unknowns, at_points, highest, last_terms
+from ._gas_balance import FLAGS, FREE
 
 # [-] How far an event function may be negative at a node before its branch counts as left.
 _LEFT = 1e-6

@@ -17,19 +17,19 @@ from .._core.polynomials import gauss
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status
 from ..mechanism import AbstractMechanism
-from ._balance import STATES
 from ._climb import climbed, evidence, raise_where_unsolved
 from ._cycle import Cycle, values_only
+from ._cycle_evaluation import CycleSolution, account_scales, cycle_of, cycles_of
+from ._cycle_options import CycleOptions
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
+from ._cylinder_system import Cylinders
 from ._ends import Ends, ends_of, grouping, has_ends, one_end, options_of
-from ._evaluation import CycleSolution, account_scales, cycle_of, cycles_of
-from ._options import CycleOptions
+from ._gas_balance import STATES
 from ._piped import PipedLines
 from ._plenum import PER_PLENUM
 from ._revolutions import START, March, march
 from ._rounds import ConstantLines, blank_solution, laid, rounds_of
 from ._several import SeveralCycles, is_solved
-from ._system import Cylinders
 from ._waves import is_piped, pipings, waves_at_rest
 from .wall_network import OF_WALL
 

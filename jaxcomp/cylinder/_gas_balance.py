@@ -26,7 +26,7 @@ from ..valve import AbstractValve, Oscillator
 from ..valve._flow import Side, choose, port_acceleration, quasi_steady_flow, throat_density
 from ._cylinder import Case, side_of
 from ._plenum import PlenumChain, valve_sides
-from .heat._base import HeatInput
+from .heat._heat_transfer import HeatInput
 
 # m, T, then x, v, U of the suction and of the discharge valve; then those of the wall
 STATES = 8

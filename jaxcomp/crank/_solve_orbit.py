@@ -1,6 +1,6 @@
 """`solve_orbit`: the periodic state, by either solver.
 
-Of a machine with valves pressure and speed follow each from the other, see `_coupling`.
+Of a machine with valves pressure and speed follow each from the other, see `_cycle_coupling`.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from ..cylinder._ends import options_of, with_settings
 from ..cylinder._several import of_each
 from ..cylinder._waves import is_piped
 from ._collocation import Collocation, default_collocation
-from ._coupling import MAX_ITERATIONS, orbit_with_cylinder
+from ._cycle_coupling import MAX_ITERATIONS, orbit_with_cylinder
 from ._films import has_thin_film
 from ._orbit import Orbit, Verification
 

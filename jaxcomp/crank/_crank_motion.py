@@ -25,7 +25,7 @@ from .._core.roots import AbstractRoot, root
 from .._core.status import Status
 from ..compressor import Compressor, Instants, instants, loop_of
 from ..friction import JointLoads
-from ..friction._loads import closed, newton_step
+from ..friction._joint_loads import closed, newton_step
 from ..mechanism import CrankState
 from ..motor import AbstractMotor
 from ._panels import Panels

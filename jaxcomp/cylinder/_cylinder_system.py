@@ -14,7 +14,9 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import max_of, min_of
 from ..valve._flow import Side
-from ._balance import (
+from ._cylinder import Case
+from ._events import after_event, jump, longest_step, passed, towards
+from ._gas_balance import (
     EVENTS,
     FLAGS,
     STATES,
@@ -26,8 +28,6 @@ from ._balance import (
     initial,
     rates,
 )
-from ._cylinder import Case
-from ._events import after_event, jump, longest_step, passed, towards
 from ._piston_end import PistonEnd
 from ._plenum import PER_PLENUM, chain_rates, chains, first_states
 from ._quadrature import harmonics, machine_time

@@ -12,17 +12,17 @@ from .._core.extremes import clip
 from .._core.polynomials import gauss
 from .._core.roots import root
 from .._core.status import Status
-from ._balance import EVENTS, FLAGS, FREE, SEAT, Accounts, temperature_and_density, valve_scales
 from ._border import AttachedWaves, Both, harmonic_weights, observed_harmonics
-from ._collocation import Attached
 from ._cycle import Cycle, Events
+from ._cycle_collocation import Attached
 from ._cylinder import Case
-from ._panels import Mesh, Unknowns, at_points, highest, point_angles
+from ._cylinder_system import Cylinders
+from ._event_panels import Mesh, Unknowns, at_points, highest, point_angles
+from ._gas_balance import EVENTS, FLAGS, FREE, SEAT, Accounts, temperature_and_density, valve_scales
 from ._plenum import PER_PLENUM, chains
 from ._pulsation import Pulsation
 from ._revolutions import START, TURN
 from ._several import SeveralCycles
-from ._system import Cylinders
 from ._waves import Waves
 
 

@@ -1,6 +1,6 @@
 """A revolution on panels between the events of its valves: how they are laid, what is read off them.
 
-The equations that their unknowns solve are those of `_collocation`.
+The equations that their unknowns solve are those of `_cycle_collocation`.
 """
 
 from functools import cache, partial
@@ -17,8 +17,8 @@ from .._core.extremes import clip, max_of, maximum, minimum
 from .._core.fields import ANY, NONNEGATIVE, quantity
 from .._core.polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
-from ._balance import FREE
 from ._cylinder import Case
+from ._gas_balance import FREE
 from ._march import BEND, Record, within_steps
 from ._revolutions import START, TURN
 

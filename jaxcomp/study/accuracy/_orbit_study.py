@@ -27,9 +27,9 @@ from ..._core.roots import FixedPointReport
 from ..._core.status import Status
 from ...compressor import Compressor, instants, kink_angles, loads_at
 from ...crank import Collocation, Energy, Orbit, Shooting
+from ...crank._crank_motion import acceleration
 from ...crank._evaluation import orbit_on_panels
 from ...crank._journals import orbiting_journals
-from ...crank._motion import acceleration
 from ...crank._panels import panels
 from ...cylinder import CycleOptions, Cylinder
 from ...machine import Machine

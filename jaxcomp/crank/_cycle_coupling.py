@@ -39,11 +39,11 @@ from .._core.status import Status
 from ..compressor import Compressor, mechanisms_of
 from ..cylinder import Cycle, Cylinder
 from ..cylinder._cycle import values_only
+from ..cylinder._cycle_evaluation import CycleSolution
 from ..cylinder._cylinder import Pace
 from ..cylinder._ends import guessed_pressures, phase_of_ends
-from ..cylinder._evaluation import CycleSolution
 from ..cylinder._several import SeveralCycles, is_near, of_each, unsolved
-from ..cylinder._solve import follow_cycles, no_solution, pace_of, solution_of, solve_cycles
+from ..cylinder._solve_cycle import follow_cycles, no_solution, pace_of, solution_of, solve_cycles
 from ..motor import ConstantSpeed
 from ._collocation import Collocation
 from ._orbit import Orbit

@@ -21,8 +21,8 @@ from .._core.extremes import maximum, min_of
 from ..film import AbstractJournal
 from ..mechanism import CrankState, SliderCrank, rod_motion
 from ..mechanism._slider_crank import RodBalance, pin_forces, rod_balance, rod_moment
-from ._base import AbstractSlide
-from ._loads import (
+from ._joint_laws import AbstractSlide
+from ._joint_loads import (
     AbstractFriction,
     AbstractJointLoop,
     Balance,
