@@ -76,7 +76,9 @@ def amplitude_influence(
     if not np.all(amplitudes[0] > 0):
         raise BadInput("amplitudes", amplitudes[0], "> 0 in the first run")
     _check_positions(weights[1:], planes)
-    solutions = [_solutions(column, weights[1:]) for column in amplitudes.T]
+    solutions = []
+    for column in amplitudes.T:
+        solutions.append(_solutions(column, weights[1:]))
     count = math.prod(len(each) for each in solutions)
     if count > _MOST_SYSTEMS:
         needs = f"of three positions in each plane, which leave fewer than the {count} solutions"

@@ -149,7 +149,10 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     for target in places.targets:
         axes += [(target.name, axis) for axis in target.axes]
         weights += [target.weight] * len(target.axes)
-    radii = [np.nan if plane.radius is None else plane.radius for plane in places.planes]
+    radii = []
+    for plane in places.planes:
+        has_radius = plane.radius is not None
+        radii.append(plane.radius if has_radius else np.nan)
     matrix, initial, weight, radius = _columns(answer, weights, radii, speeds.size)
     # Labels are static, and a traced speed has no number to name its rows by.
     labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)

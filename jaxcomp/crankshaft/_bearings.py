@@ -301,11 +301,10 @@ def with_journal_positions(
         positions: (2, *n) of each journal, by joint.
         lossless: leave the losses of these out, for who adds them.
     """
-    laws = {
-        name: PlacedJournal(law, positions[name], lossless)
-        for name, law in moving_journals(friction, support).items()
-        if name in positions
-    }
+    laws = {}
+    for name, law in moving_journals(friction, support).items():
+        if name in positions:
+            laws[name] = PlacedJournal(law, positions[name], lossless)
     if isinstance(support, MainBearings):
         names = zip(support.names or (), support.bearings, strict=True)
         support = replaced(support, bearings=tuple(laws.pop(name, law) for name, law in names))

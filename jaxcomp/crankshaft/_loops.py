@@ -177,10 +177,12 @@ def machine_loops(
         centre = crankshaft.mass_centre
         # The bearings push the shaft: its mass times acceleration, less its weight.
         parts = [share + lever * centre for share, lever in line]
-        pulls = [
-            Vector(pull.x - part * weight[0], pull.y - part * weight[1])
-            for pull, part in zip(pulls, parts, strict=True)
-        ]
+        pulls_without_weight = []
+        for pull, part in zip(pulls, parts, strict=True):
+            pulls_without_weight.append(
+                Vector(pull.x - part * weight[0], pull.y - part * weight[1])
+            )
+        pulls = pulls_without_weight
     laws = crankshaft.each(friction, state.angle)
     single = crankshaft.each(mechanism, state.angle)
     loops = joint_loop(single, laws, each, gas_force, own_gravity, kinematics)

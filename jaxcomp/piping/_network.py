@@ -112,7 +112,9 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         parts = []
         for pipes in piping.pipes:
             values = getattr(pipes, name)
-            parts.append(jnp.zeros_like(pipes.length) if values is None else values)
+            if values is None:
+                values = jnp.zeros_like(pipes.length)
+            parts.append(values)
         return jnp.concatenate(parts)
 
     diameter = column("diameter")

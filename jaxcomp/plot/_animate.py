@@ -113,9 +113,9 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     above, below = axes[:, 0]
     above.set_aspect("equal")
     above.set_axis_off()
-    drawn = {
-        name: above.plot(*line, **line_look(name))[0] for name, line in sketches[0].lines.items()
-    }
+    drawn = {}
+    for name, line in sketches[0].lines.items():
+        (drawn[name],) = above.plot(*line, **line_look(name))
     tips = {}
     for place, name in enumerate(sketches[0].arrows):
         tint = _GAS_TINT if name == "gas" else style.colour(name, place)

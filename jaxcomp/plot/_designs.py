@@ -94,10 +94,10 @@ def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figur
         sensitivity: of `sensitivity`.
         title: of the pictures.
     """
-    return {
-        f"sensitivity-{quantity}": sensitivity_bars(sensitivity, quantity, title)
-        for quantity in sensitivity.quantities
-    }
+    figures = {}
+    for quantity in sensitivity.quantities:
+        figures[f"sensitivity-{quantity}"] = sensitivity_bars(sensitivity, quantity, title)
+    return figures
 
 
 @drawing

@@ -212,10 +212,10 @@ def _objective(optimum: Optimum) -> Shown:
 def _variables(optimum: Optimum) -> list[Shown]:
     variables = optimum.problem.variables
     values = optimum.sample.values.T
-    return [
-        shown(variable.name, variable.unit, row).drawn
-        for variable, row in zip(variables, values, strict=True)
-    ]
+    columns = []
+    for variable, row in zip(variables, values, strict=True):
+        columns.append(shown(variable.name, variable.unit, row).drawn)
+    return columns
 
 
 def _path(number: int) -> str:

@@ -61,12 +61,11 @@ def _verified(result) -> Check:
     size = max(result["motor_work"], sum(result["losses"].values()), key=abs)
     # what is zero, as the work of an ideal machine, has absolute errors
     losses = sum(map(abs, march["losses"].values())) / abs(size or 1.0)
-    peaks = max(
-        abs(error) / (result["peak_forces"][name] or 1.0)
-        for name, error in march["peak_forces"].items()
-    )
-    answer = f"speed {march['speed']:.1e}, losses {losses:.1e}, peaks {peaks:.1e}"
-    good = march["speed"] <= 1e-4 and losses <= 1e-4 and peaks <= 1e-2
+    largest = 0.0
+    for name, error in march["peak_forces"].items():
+        largest = max(largest, abs(error) / (result["peak_forces"][name] or 1.0))
+    answer = f"speed {march['speed']:.1e}, losses {losses:.1e}, peaks {largest:.1e}"
+    good = march["speed"] <= 1e-4 and losses <= 1e-4 and largest <= 1e-2
     return Check("Errors by an independent march", answer, good, "at most 1e-04, 1e-04, 1e-02")
 
 

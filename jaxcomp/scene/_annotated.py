@@ -53,10 +53,10 @@ _HOW = (
 
 def starts() -> dict[str, str]:
     """The machines to start from: kind and what it is."""
-    files = start_files()
-    return {
-        kind: tomllib.loads(file.read_text("utf-8"))["description"] for kind, file in files.items()
-    }
+    descriptions = {}
+    for kind, file in start_files().items():
+        descriptions[kind] = tomllib.loads(file.read_text("utf-8"))["description"]
+    return descriptions
 
 
 def start_files() -> dict[str, Any]:
@@ -102,11 +102,11 @@ def start_from(scene: Scene, name: str) -> str:
 def _without_sources(entry: Any, path: str) -> Any:
     """An entry without sources, with temperatures in degrees Celsius."""
     if isinstance(entry, Mapping) and "value" not in entry:
-        return {
-            key: _without_sources(child, join(path, key))
-            for key, child in entry.items()
-            if key != "source"
-        }
+        entries = {}
+        for key, child in entry.items():
+            if key != "source":
+                entries[key] = _without_sources(child, join(path, key))
+        return entries
     if isinstance(entry, list) and any(isinstance(child, Mapping) for child in entry):
         return [_without_sources(child, f"{path}.{at}") for at, child in enumerate(entry)]
     value, unit, _ = unwrapped(entry, path)

@@ -37,11 +37,10 @@ def with_tables(tables: Any, folder: Path | None, path: str = "") -> Any:
         return [with_tables(entry, folder, f"{path}.{n}") for n, entry in enumerate(tables)]
     if not isinstance(tables, dict):
         return tables
-    out = {
-        key: with_tables(entry, folder, join(path, key))
-        for key, entry in tables.items()
-        if key != KEY
-    }
+    out = {}
+    for key, entry in tables.items():
+        if key != KEY:
+            out[key] = with_tables(entry, folder, join(path, key))
     if KEY not in tables:
         return out
     name = tables[KEY]
@@ -70,9 +69,9 @@ def _columns(file: Path) -> dict[str, dict[str, Any]]:
         for place, (name, unit) in enumerate(table.heads):
             if not _KEY_OF_COLUMN.fullmatch(name) or name in columns:
                 raise SceneError(name, "must be a name with its unit, as angle [deg], once")
-            values = [
-                cell_number(row.cells[place], f"line {row.number}.{name}") for row in table.rows
-            ]
+            values = []
+            for row in table.rows:
+                values.append(cell_number(row.cells[place], f"line {row.number}.{name}"))
             columns[name] = {"value": values, "source": f"read from {file.name}"}
             if unit:
                 columns[name]["unit"] = unit

@@ -60,9 +60,10 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
     if entry_changes:
         scene = _with_entries(scene, entry_changes, source)
     # of the fluid that is set now
-    entries_of_file = {
-        p: value for p, value in fraction_changes.items() if not is_fraction(scene.machine, p)
-    }
+    entries_of_file = {}
+    for path, value in fraction_changes.items():
+        if not is_fraction(scene.machine, path):
+            entries_of_file[path] = value
     if entries_of_file:
         scene = _with_entries(scene, entries_of_file, source)
     fractions = {p: value for p, value in fraction_changes.items() if p not in entries_of_file}

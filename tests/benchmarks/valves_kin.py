@@ -28,6 +28,7 @@ from jaxcomp._core.status import names_of_codes
 from jaxcomp.crank import TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Plenum, SuctionWarming, WallNetwork
+from jaxcomp.cylinder._several import of_each
 
 ANSWERED = ("converged", "no_delivery", "wet")
 RPM = 2 * np.pi / 60
@@ -164,7 +165,7 @@ def periodic(kind: str, count: int, seed: int) -> None:
         if names[-1] == "converged":
             closures.append(float(jnp.max(jnp.abs(cycle.energy_closure))))
         elif names[-1] not in ANSWERED:
-            events = int(jnp.max(cycle.event_count))
+            events = int(jnp.max(jnp.sum(of_each(cycle).valve_events, axis=-1)))
             print(f"{kind} {number}: {names[-1]}, {events} events", flush=True)
     print_outcomes(kind, names, seconds)
     print(f"{'':>10}  energy closes within {max(closures):.1e} of the work")
