@@ -455,9 +455,6 @@ FILES = {
     "missing table": _file(
         'type = "polytropic"', 'type = "crank_angle_table"\ncsv = "indicator.csv"', "indicator.csv"
     ),
-    "key of version 0.1": _file(
-        BORE, f'{BORE}\ncrank_inertia = "0.1 kg m^2"', "mechanism.crank_inertia", "crankshaft"
-    ),
     "temperature without unit": _file(
         'evaporating = "-23.3 degC"', "evaporating = -23.3", "evaporating", "degC", kind=R290
     ),

@@ -20,17 +20,6 @@ from .fields import Part
 from .status import Status
 
 _PACKAGE = __name__.partition(".")[0]
-# Packages that files of former versions name, and where their classes are now.
-_MOVED = {
-    "design": "study",
-    "sweeping": "study.sweep",
-    "tolerancing": "study.tolerance",
-    "work_precision": "study.accuracy",
-    "rating": "study.rating",
-    "shaking": "vibration",
-    "coupling": "vibration",
-    "running": "vibration",
-}
 
 
 class UnknownClass(ValueError):
@@ -143,10 +132,7 @@ def class_at(address: str) -> type:
         UnknownClass: no such class; what else a module has is not looked at.
     """
     module, _, name = address.partition(":")
-    package, _, former = _public(module).partition(".")
     module = _public(module)
-    if package == _PACKAGE and former in _MOVED:
-        module = f"{_PACKAGE}.{_MOVED[former]}"
     if module.partition(".")[0] == _PACKAGE:  # nothing else is imported on a file's word
         for place in _modules(module):
             kind = vars(place).get(name)

@@ -21,7 +21,7 @@ from ._balance import balance
 from ._bearing import bearing
 from ._check import check
 from ._compare import compare, sensitivity
-from ._files import cache, explain, list_machines, new, schema, upgrade
+from ._files import cache, explain, list_machines, new, schema
 from ._identify import identify
 from ._map import rating_map
 from ._modes import modes
@@ -132,7 +132,7 @@ def _grouping(command: Callable[..., None], groups: dict[str, Any]) -> Callable[
     return called
 
 
-# The commands that one needs first, by what they are for; those for developers and older files last.
+# The commands that one needs first, by what they are for; those for developers last.
 _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "First": {
         "new": new,
@@ -155,7 +155,6 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "Motion and bearings": {"simulate": simulate, "bearing": bearing, "animate": animate},
     "Machines, files and this program": {
         "list": list_machines,
-        "upgrade": upgrade,
         "accuracy": accuracy,
         "schema": schema,
         "cache": cache,

@@ -80,46 +80,6 @@ def new(
     typer.echo(f"{file} is written. Change it, then: jaxcomp check {file}; jaxcomp {verb} {file}")
 
 
-def upgrade(
-    file: Annotated[Path, typer.Argument()],
-    out: Annotated[Path | None, typer.Option()] = None,
-    force: bool = False,
-) -> None:
-    """Rewrite a machine file of an older version, with its comments, sources and order.
-
-    The old text stays beside it, with the ending .old.
-
-    Example: [bold]jaxcomp upgrade my-machine.toml[/bold]
-
-    Args:
-        file: Machine file to rewrite.
-        out (FILE): Write there, and leave the file as it is.
-        force: Write over another file.
-    """
-    from ..scene._upgrade import upgraded
-
-    refuse(not file.is_file(), f"{file}: cannot be read: no such file")
-    text = file.read_text(encoding="utf-8")
-    try:
-        upgraded_text = upgraded(text)
-    except ValueError as error:
-        raise CommandError(f"{file}: {error}") from None
-    if upgraded_text == text:
-        typer.echo(f"{file} has today's spelling already.")
-        return
-    jc.scene.loads(upgraded_text, str(file))
-    # the file itself is what this command is there to replace; any other one is somebody's
-    target = file.with_name(f"{file.name}.old") if out is None else out
-    refuse(
-        target.exists() and target != file and not force,
-        f"{target}: is there already; --force writes over it",
-    )
-    if out is None:
-        write_whole(target, text.encode())
-    write_whole(out or file, upgraded_text.encode())
-    typer.echo(f"{out or file} is written. Next: jaxcomp check {out or file}")
-
-
 # ------------------------------------------------------------------ cache
 def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     """Show where compiled programs are kept for the next start, and how large they are.

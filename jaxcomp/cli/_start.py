@@ -24,10 +24,6 @@ from .._core.progress import remember_waits, spinner, watch_compiles
 # [s] in which workers that are on their way have come.
 _WORKERS_WITHIN = 20
 _words: ContextVar[tuple[str, ...]] = ContextVar("words", default=())
-# Commands of earlier versions, and what to type now.
-_FORMER = {
-    "update": "jaxcomp identify MACHINE --data modes.csv --vary rotor.shafts.3.young_modulus",
-}
 
 # An option with a word that none of its choices is, in typer's words.
 _NO_CHOICE = re.compile(r"'([^']*)' is not one of (.*)", re.DOTALL)
@@ -40,13 +36,6 @@ class RecordedGroup(TyperGroup):
         """Keep the words, then read them."""
         _words.set(tuple(args))
         return super().parse_args(ctx, args)
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """The command of a word; one of an earlier version is answered with what to type now."""
-        if args[0] in _FORMER:
-            show_error(CommandError(f"{args[0]}: now is `{_FORMER[args[0]]}`"))
-            raise typer.Exit(2)
-        return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Call a command; a word that is no choice of an option is answered with the nearest one."""

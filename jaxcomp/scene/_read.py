@@ -27,30 +27,6 @@ from ._units import to_si
 
 # Keys of a section that are no fields of its part.
 _META = ("type", "source")
-# Keys and types of machine files of version 0.1 that are spelt otherwise now.
-_BEARING = '"bearing", the name of a bearing that a section [bearings.NAME] describes'
-_OLD_KEYS: dict[tuple[str, str], str] = {
-    ("SliderLink", "eccentricity"): '"offset", with the opposite sign, as for the slider_crank',
-    ("SliderCrankFriction", "wall_film"): '"piston_film"',
-    ("PistonFilm", "viscosity"): '"dynamic_viscosity"',
-    ("PistonFilm", "clearance"): '"radial_clearance"',
-    ("JournalBearing", "radius"): '"diameter"',
-    (
-        "CrankNodes",
-        "bearings",
-    ): "found by itself: every link of type film takes part in the statics",
-    ("RotorModel", "side_pulls"): '"magnetic_pulls"',
-    ("CrankNodes", "bearing_share"): "found by itself, by the statics of the shaft",
-} | {
-    ("LoadedFilm", key): _BEARING
-    for key in ("diameter", "length", "radial_clearance", "dynamic_viscosity", "ring")
-}
-_OLD_TYPES = {
-    "petroff": 'type = "film" with film = "petroff"',
-    "loaded_petroff": 'type = "film" with film = "loaded_petroff"',
-    "overhung": 'type = "main_bearings" with bearings = ["...", "..."] and their position',
-    "grooved_film": 'type = "film" with the name of a bearing of film = "grooved"',
-}
 # Problems up to which the nearest known key is looked up, which takes time.
 MOST_HINTS = 20
 _FEW = 3
@@ -140,9 +116,6 @@ class Reader:
                 if few:
                     hint = _hint(key, allowed, path)
                     meant.add(nearest(key, allowed))
-                new = _OLD_KEYS.get((kind.__name__, key))
-                if new:
-                    hint = f"; it is now {new}"
                 shown = value.get("value") if isinstance(value, Mapping) else value
                 self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
         values = {
@@ -208,8 +181,6 @@ def selected_class(table: Mapping, classes: tuple[type, ...], path: str) -> type
             near = did_you_mean(word, parts)
             if "did you mean" not in near:  # all words stand in front of it
                 near = ""
-            if word in _OLD_TYPES:
-                near = f"; it is now {_OLD_TYPES[word]}"
         raise SceneError(join(path, "type"), f"must be one of: {words}{near}", word)
     return parts[word]
 

@@ -30,7 +30,6 @@ from ._text import (
     toml_tables,
     toml_text_like,
 )
-from ._upgrade import check_spelling
 
 # Keys of a file beside its sections.
 HEADER = ("name", "description", "source")
@@ -225,7 +224,6 @@ def scene_of(
         check_tables(document)
         if not document:
             raise SceneError("", "is empty; `jaxcomp new FILE` writes a machine to start from")
-        check_spelling(document, file)
         machine, sources = _machine(document, Reader(stale), corrections or {})
         name = document.get("name", Path(file).stem or "machine")
         description = document.get("description", "")

@@ -27,7 +27,7 @@ def answer(done):
     return " ".join(done.output.split())
 
 
-# ------------------------------------------------------------------ schema, upgrade, new
+# ------------------------------------------------------------------ schema, new
 @pytest.mark.parametrize("options", [(), ("--results",)])
 def test_schema_replaces_schemas_alone(tmp_path, options):
     machine, schema = tmp_path / "my-machine.toml", tmp_path / "schema.json"
@@ -43,48 +43,6 @@ def test_schema_replaces_schemas_alone(tmp_path, options):
     schema.write_text("[" * 100_000)
     assert invoke("schema", schema, *options).exit_code == 2
     assert invoke("schema", schema, *options, "--force").exit_code == 0
-
-
-OLD = """name = "old"
-
-[mechanism]
-type = "slider_crank"
-bore = "60 mm"
-crank_radius = "20 mm"
-conrod_length = "80 mm"
-piston_mass = "0.5 kg"
-conrod_mass = "0.3 kg"
-crank_inertia = "8e-3 kg m^2"
-
-[motor]
-type = "mean_speed"
-mean_speed = "1000 rpm"
-
-[gas]
-type = "polytropic"
-suction_pressure = "1 bar"
-discharge_pressure = "6 bar"
-exponent = 1.3
-clearance_ratio = "4 %"
-"""
-
-
-def test_upgrade_replaces_its_own_file_alone(tmp_path):
-    machine, other = tmp_path / "old.toml", tmp_path / "other.toml"
-    machine.write_text(OLD)
-    other.write_text("mine")
-    refused = invoke("upgrade", machine, "--out", other)
-    assert refused.exit_code == 2
-    assert "other.toml: is there already; --force writes over it" in answer(refused)
-    assert other.read_text() == "mine"
-    beside = tmp_path / "old.toml.old"
-    beside.write_text("mine")
-    assert "old.toml.old: is there already" in answer(invoke("upgrade", machine))
-    assert beside.read_text() == "mine"
-    assert invoke("upgrade", machine, "--out", other, "--force").exit_code == 0
-    assert "crank_inertia" not in other.read_text()
-    assert invoke("upgrade", machine, "--force").exit_code == 0
-    assert "crank_inertia" in beside.read_text()
 
 
 # ------------------------------------------------------------------ folders of results

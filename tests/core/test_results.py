@@ -55,12 +55,7 @@ from jaxcomp.study import Comparison, ParetoFront, steady_state
 from jaxcomp.study._compared import ComparedQuantity
 from jaxcomp.study.accuracy import Extreme, Extremes, Report
 from jaxcomp.study.accuracy._report import Measurement, Reference
-from jaxcomp.study.rating import RatingMap
-from jaxcomp.study.sweep._best import BestCurve
-from jaxcomp.study.tolerance import Tolerances
 from jaxcomp.vibration import Harmonics, rotor_modes
-from jaxcomp.vibration._block import BlockMotion
-from jaxcomp.vibration._crank_forces import CrankForces
 
 
 def rotor():
@@ -506,22 +501,6 @@ class LawOfAnExtension(Part):
     """A part of another package."""
 
     value: jax.Array = quantity("m")
-
-
-@pytest.mark.parametrize(
-    ("before", "kind"),
-    [
-        ("jaxcomp.design:ParetoFront", ParetoFront),
-        ("jaxcomp.rating:RatingMap", RatingMap),
-        ("jaxcomp.sweeping:BestCurve", BestCurve),
-        ("jaxcomp.tolerancing:Tolerances", Tolerances),
-        ("jaxcomp.work_precision:Report", Report),
-        ("jaxcomp.shaking:BlockMotion", BlockMotion),
-        ("jaxcomp.coupling:CrankForces", CrankForces),
-    ],
-)
-def test_classes_of_former_packages_are_found(before, kind):
-    assert class_at(before) is kind
 
 
 @pytest.mark.parametrize(
