@@ -22,7 +22,7 @@ from ..cylinder import Cycle
 from ..cylinder._several import SeveralCycles
 from ..friction import JointLoads
 from ..mechanism import CrankState
-from ._panels import highest
+from ._panels import farthest, highest
 
 # [-] Work of a revolution over that of the torque's size below which it is rounding.
 _NO_WORK = 1e-12
@@ -311,13 +311,24 @@ class Orbit(Result, eqx.Module):
         """Largest value over the revolution of a quantity that is known at the nodes.
 
         That of the panel polynomials: the nodes themselves miss what is largest at a kink. Nodes of no
-        weight do not count. The size of a vector is no polynomial; `peak_forces` are of the components.
+        weight do not count. The length of a vector is no polynomial, see `largest_length`.
 
         Args:
             values: at the nodes, (n,), in any unit.
         """
         shape = (-1, self.panel_nodes)
         return highest(gauss(self.panel_nodes), self.panel_width, values.reshape(shape))
+
+    def largest_length(self, vectors: Float[Array, "k n"]) -> Float[Array, ""]:
+        """Largest length over the revolution of a vector that is known at the nodes.
+
+        That of the panel polynomials of its components; the length turns sharply near zero.
+
+        Args:
+            vectors: components at the nodes, (k, n), in any unit.
+        """
+        on_panels = vectors.reshape(vectors.shape[0], -1, self.panel_nodes)
+        return farthest(gauss(self.panel_nodes), self.panel_width, on_panels)
 
     @property
     def panel_width(self) -> Float[Array, " p"]:

@@ -117,7 +117,7 @@ def highest(rule: Rule, width: Float[Array, " p"], values: Float[Array, "p s"]) 
 
 
 def farthest(
-    rule: Rule, width: Float[Array, " p"], vectors: Float[Array, "2 p s"]
+    rule: Rule, width: Float[Array, " p"], vectors: Float[Array, "k p s"]
 ) -> Float[Array, ""]:
     """Largest length of vectors whose components are panel polynomials, as `highest`.
 

@@ -165,12 +165,12 @@ class DesignResult:
     @property
     def peak_shaking_force(self) -> Float[Array, ""]:
         """[N] Largest over the revolution."""
-        return self._largest(self.wrench.force)
+        return self.orbit.largest_length(self.wrench.force)
 
     @property
     def peak_shaking_moment(self) -> Float[Array, ""]:
         """[N m] Largest over the revolution."""
-        return self._largest(self.wrench.moment)
+        return self.orbit.largest_length(self.wrench.moment)
 
     @property
     def shaking_force(self) -> dict[str, Float[Array, ""]]:
@@ -224,9 +224,6 @@ class DesignResult:
         for target in places_of(self.assembly).targets:
             weights += [jnp.asarray(target.weight)] * len(target.axes)
         return jnp.stack(weights)
-
-    def _largest(self, vector) -> Float[Array, ""]:
-        return jnp.sqrt(self.orbit.largest(jnp.sum(vector**2, axis=0)))
 
     def _root_mean_square(self, rows=slice(None)) -> Float[Array, ""]:
         amplitude = self.vibration.targets[..., rows]

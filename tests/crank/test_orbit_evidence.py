@@ -253,3 +253,19 @@ def test_a_loose_tolerance_does_not_count_as_failed():
     # what the tolerance promises, with a margin of ten
     fine = solve_orbit(slow, Collocation(nodes=24, reversals=0))
     assert float(abs(orbit.mechanical_efficiency - fine.mechanical_efficiency)) < 1e-4
+
+
+def test_the_length_of_a_vector_is_largest_between_nodes():
+    orbit = solve_orbit(machine())
+    angle = orbit.state.angle
+
+    def vector(angle):
+        # passes near zero within panels, where its length turns sharply
+        return jnp.stack([jnp.cos(3 * angle), 1e-3 * jnp.sin(3 * angle)])
+
+    largest = float(orbit.largest_length(vector(angle)))
+    # three quarters of a wave on the widest panels, by polynomials of 8 nodes: seen 2e-4
+    assert largest == pytest.approx(1.0, abs=5e-4)
+    # a polynomial through the lengths themselves does not turn where they do
+    of_lengths = float(orbit.largest(jnp.linalg.norm(vector(angle), axis=0)))
+    assert abs(of_lengths - 1.0) > 20 * abs(largest - 1.0)
