@@ -12,13 +12,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .waits import Wait, earlier_waits, expected, remember, seconds_of
+from .waits import Wait, earlier_waits, expected, remaining, remember, seconds_of
 
 # [s] Compiling for longer than this is told; between two lines of progress.
 _AFTER = 2.0
 _EVERY = 10.0
 # [bytes] Programs of a shorter text are sums and copies, of which nobody wants to know the number.
 _COUNTED = 12_000
+# [bytes] The first program of a longer text says what kind of machine the task has.
+_LONG = 50_000
 _PACKAGE = str(Path(__file__).parents[1])
 # What functions compute, in words; "the results" of all others.
 _COMPUTES = {
@@ -31,6 +33,8 @@ _COMPUTES = {
     "rotor_motion": "the vibration", "rotor_modes": "the modes", "undamped_modes": "the modes",
     "critical_speeds": "the critical speeds", "machine_influence": "the influence of the planes",
     "compare": "the comparison", "accuracy": "the settings", "page": "the desk", "serve": "the desk",
+    "check": "the values that follow", "run": "the steady state", "modes": "the modes",
+    "respond": "the vibration", "animate": "the pictures",
 }  # fmt: skip
 # Files whose functions nobody calls by name.
 _UNNAMED = (f"{os.sep}cli{os.sep}", f"{os.sep}_core{os.sep}", "__main__.py")
@@ -44,12 +48,13 @@ class _Compiles:
     machine = ""
     status: Any = None  # of rich, which shows that something goes on; it says what compiles
     folder: Any = None  # called for the folder in which waits are remembered
-    first = 0  # [bytes] of the first program that takes long
-    programs = 0
-    size = 0  # [bytes] of all
+    first = 0  # [bytes] of the first long program, compiled or read
+    programs = 0  # compiled or read so far
+    size = 0  # [bytes] of all of them
     before = 0.0  # [s] of compiling when the task began
-    loaded = False  # whether a program was there already, so that fewer are left than earlier
+    loaded = False  # whether a program was there already, so that not all of them were compiled
     total = ""  # what was told of all programs
+    lock = threading.RLock()  # several threads compile at once
 
 
 def watch_compiles(machine: str = "", task: str = "") -> None:
@@ -59,7 +64,7 @@ def watch_compiles(machine: str = "", task: str = "") -> None:
 
     Args:
         machine: name of the machine.
-        task: that begins, under which its waits are remembered.
+        task: that begins, under which its waits are remembered, such as `run` or `run --out`.
     """
     _Compiles.announced = True
     if machine:
@@ -84,7 +89,16 @@ def remember_waits() -> None:
 
 def count_loaded(size: int) -> None:
     """A program of so many bytes was read, and did not compile."""
-    _Compiles.loaded |= size >= _COUNTED
+    if size >= _COUNTED:
+        _Compiles.loaded = True
+        _count(size)
+
+
+def _count(size: int) -> None:
+    _Compiles.programs += 1
+    _Compiles.size += size
+    if size >= _LONG and not _Compiles.first:
+        _Compiles.first = size
 
 
 def remember_in(folder: Callable[[], Path | None]) -> None:
@@ -109,32 +123,10 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         size: [bytes] of its text.
         cached: whether later processes find it compiled.
     """
-    if size >= _COUNTED:
-        _Compiles.programs += 1
-        _Compiles.size += size
-    by_setting = os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
-    requested = _Compiles.announced or by_setting or _in_notebook()
-    if not requested or not shows_waits():
-        yield
-        return
-    # a file is read, which programs that nobody waits for have no need of
-    waits = earlier_waits(_folder())
-    seconds = seconds_of(size, waits)
-    if seconds < _AFTER:
-        yield
-        return
-    is_known = bool(_Compiles.total)
-    text = _Compiles.total
-    if not is_known:
-        text, is_total = _forecast(size, seconds, waits)
-        if cached:
-            text += "; later starts are quicker"
-        if is_total:
-            _Compiles.total = text
+    with _Compiles.lock:
+        text = _words_before(size, cached)
     status = _Compiles.status
-    if status is None:
-        if not is_known:
-            tell(text)
+    if not text or status is None:
         yield
         return
     before = status.status
@@ -145,21 +137,51 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         status.update(before)
 
 
-def _forecast(size: int, seconds: float, waits: list[Wait]) -> tuple[str, bool]:
-    """Sentence on a program that takes long; whether it speaks of all programs of the task.
+def _words_before(size: int, cached: bool) -> str:
+    """Sentence for a program that takes long, which is told if nothing shows it; "" for others."""
+    done = (_Compiles.programs, _Compiles.size)
+    if size >= _COUNTED:
+        _count(size)
+    by_setting = os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
+    requested = _Compiles.announced or by_setting or _in_notebook()
+    if not requested or not shows_waits():
+        return ""
+    # a file is read, which programs that nobody waits for have no need of
+    waits = earlier_waits(_folder())
+    seconds = seconds_of(size, waits)
+    if seconds < _AFTER:
+        return ""
+    if _Compiles.total:
+        return _Compiles.total
+    text, is_total = _forecast(size, seconds, done, waits)
+    if cached:
+        text += "; later starts are quicker"
+    if is_total:
+        _Compiles.total = text
+    if _Compiles.status is None:
+        tell(text)
+    return text
 
-    That needs a task of this kind that is known, none of whose programs was there already.
+
+def _forecast(
+    size: int, seconds: float, done: tuple[int, int], waits: list[Wait]
+) -> tuple[str, bool]:
+    """Sentence on a program that takes long; whether it speaks of all that the task has left.
+
+    Args:
+        size: [bytes] of the program.
+        seconds: that it takes.
+        done: number and size of the programs before it.
+        waits: on this machine.
     """
     machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
-    wait = None
-    if not _Compiles.first:
-        _Compiles.first = size
-        if not _Compiles.loaded:
-            wait = expected(_Compiles.task, size, waits)
-    if wait is None or wait.programs == 1:
+    left = None
+    if _Compiles.first:
+        left = remaining(expected(_Compiles.task, _Compiles.first, waits), *done)
+    if left is None or left.programs <= 1 or left.size < size:
         return f"compiling {_called()}{machine}, about {_about(seconds)}", False
-    programs = f"{wait.programs} programs for {_called()}{machine}"
-    return f"compiling {programs}, about {_about(wait.seconds)} in all", True
+    programs = f"{left.programs} programs for {_called()}{machine}"
+    return f"compiling {programs}, about {_about(left.seconds)} in all", True
 
 
 def _in_notebook() -> bool:
@@ -183,7 +205,9 @@ def _called() -> str:
             if not inner:
                 name = word
         frame = frame.f_back
-    return _COMPUTES.get(name, "the results")
+    # what a thread of its own compiles has no such function above it
+    command = _Compiles.task.partition(" ")[0]
+    return _COMPUTES.get(name) or _COMPUTES.get(command, "the results")
 
 
 def shows_waits() -> bool:
@@ -339,7 +363,9 @@ def progress_of(
 
 def tell(text: str) -> None:
     """One line on standard error."""
-    print(f"jaxcomp: {text}", file=sys.stderr, flush=True)
+    # at once, so that lines of several threads do not meet
+    sys.stderr.write(f"jaxcomp: {text}\n")
+    sys.stderr.flush()
 
 
 def _about(seconds: float) -> str:

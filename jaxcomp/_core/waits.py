@@ -1,12 +1,14 @@
 """How long the programs of a task took to compile before, so that a wait is told once for all of them.
 
 A task is a command of the program, and machines of one kind are told apart by the size of the first
-program that takes long: the texts of their programs are alike. What was measured on this machine stands
-in a file beside the programs that are kept. Before anything was, a program is told by itself, with the
-seconds that a byte of text takes elsewhere.
+long program: the texts of their programs are alike. What was measured on this machine stands in a file
+beside the programs that are kept. At a first start it is `usual_waits.json`, measured elsewhere with
+`python tests/tools/usual_waits.py`, at the pace of this machine as soon as that is known. Of other tasks
+a program is told by itself, with the seconds that a byte of text takes.
 """
 
 import contextlib
+import functools
 import json
 import os
 import tempfile
@@ -15,6 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 FILE = "waits.json"
+USUAL = Path(__file__).with_name("usual_waits.json")
 # [s] that one byte of a program's text takes to compile: 16 to 28 s for 566 kB (a machine with valves).
 _PER_BYTE = 4e-5
 # First programs that differ by more are those of another kind of machine.
@@ -27,8 +30,8 @@ class Wait(NamedTuple):
     """Compiling that a task did.
 
     Attributes:
-        task: such as "run".
-        first: [bytes] text of the first program that takes long.
+        task: such as "run", or "run --out" with pictures and files.
+        first: [bytes] text of the first long program.
         programs: number of programs.
         size: [bytes] text of all of them.
         seconds: that all of them took.
@@ -43,10 +46,18 @@ class Wait(NamedTuple):
 
 def earlier_waits(folder: Path | None) -> list[Wait]:
     """Waits on this machine, the newest last; none where the file is absent or damaged."""
-    if folder is None:
-        return []
+    return [] if folder is None else _read(folder / FILE)
+
+
+@functools.cache
+def usual_waits() -> list[Wait]:
+    """Waits at first starts of usual tasks, measured elsewhere."""
+    return _read(USUAL)
+
+
+def _read(file: Path) -> list[Wait]:
     try:
-        rows = json.loads((folder / FILE).read_text("utf-8"))
+        rows = json.loads(file.read_text("utf-8"))
         waits = [Wait(str(t), int(f), int(n), int(b), float(s)) for t, f, n, b, s in rows]
     except (OSError, ValueError, TypeError):
         return []
@@ -73,12 +84,40 @@ def seconds_of(size: int, waits: Iterable[Wait]) -> float:
 
 
 def expected(task: str, first: int, waits: list[Wait]) -> Wait | None:
-    """Wait of a task whose first long program has so many bytes; `None` if no such task is known."""
+    """Wait of a task whose first long program has so many bytes; `None` if nobody knows such a task."""
     present = Wait(task, first, 1, first, 0.0)
-    for earlier in reversed(waits):
-        if _is_alike(earlier, present):
-            return earlier
-    return None
+    earlier = _latest_alike(waits, present)
+    if earlier is not None:
+        return earlier
+    usual = _latest_alike(usual_waits(), present)
+    if usual is None:
+        return None
+    return usual._replace(seconds=usual.seconds * _pace(waits))
+
+
+def remaining(wait: Wait | None, programs: int, size: int) -> Wait | None:
+    """Part of a wait behind so many programs of so many bytes, compiled or read."""
+    if wait is None or size >= wait.size:
+        return None
+    left = wait.size - size
+    seconds = wait.seconds * left / wait.size
+    return wait._replace(programs=wait.programs - programs, size=left, seconds=seconds)
+
+
+def _pace(waits: list[Wait]) -> float:
+    """Seconds on this machine over those elsewhere, of tasks that both have done."""
+    here = 0.0
+    elsewhere = 0.0
+    for wait in waits:
+        usual = _latest_alike(usual_waits(), wait)
+        if usual is not None:
+            here += wait.seconds
+            elsewhere += usual.seconds
+    return here / elsewhere if elsewhere else 1.0
+
+
+def _latest_alike(waits: list[Wait], present: Wait) -> Wait | None:
+    return next((wait for wait in reversed(waits) if _is_alike(wait, present)), None)
 
 
 def _is_alike(wait: Wait, other: Wait) -> bool:

@@ -160,7 +160,8 @@ def start_jax(*, once: bool = False) -> None:
     quick_compiles()
     if once:
         unoptimised_compiles()
-    watch_compiles(task=command_name())
+    writes = any(word.partition("=")[0] == "--out" for word in _words.get())
+    watch_compiles(task=f"{command_name()}{' --out' if writes else ''}")
 
 
 def quiet_loader() -> None:

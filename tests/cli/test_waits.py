@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import pytest
 
 from jaxcomp._core import progress as _waits
+from jaxcomp._core import waits
 from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, undamped_modes
 
 
@@ -125,6 +126,7 @@ def test_a_forecast_begins_with_the_first_piece_and_leaves_out_compiling(monkeyp
 def remembered(told, monkeypatch, tmp_path):
     """Where waits are remembered, and a task that begins."""
     monkeypatch.setattr(_waits._Compiles, "folder", staticmethod(lambda: tmp_path))
+    monkeypatch.setattr(waits, "usual_waits", list)
     for name in ("announced", "task", "first", "programs", "size", "loaded", "total", "before"):
         monkeypatch.setattr(_waits._Compiles, name, getattr(_waits._Compiles, name))
     _waits.watch_compiles("my-machine", "run")
@@ -145,13 +147,13 @@ def test_a_wait_is_told_once_for_all_programs_by_what_they_took_before(remembere
     _waits.watch_compiles("my-machine", "run")
     compile_programs(580_000, 1_000, 340_000, 90_000)
     assert capsys.readouterr().err.splitlines() == [
-        "jaxcomp: compiling 3 programs for the results of my-machine, about 2 min in all; "
+        "jaxcomp: compiling 3 programs for the steady state of my-machine, about 2 min in all; "
         "later starts are quicker"
     ]
     _waits.watch_compiles("my-machine", "run")
     # another kind of machine, at the rate of this one: 1e-4 s a byte
     compile_programs(210_000)
-    assert "compiling the results of my-machine, about 20 s" in capsys.readouterr().err
+    assert "compiling the steady state of my-machine, about 20 s" in capsys.readouterr().err
 
 
 def test_what_is_left_of_a_task_is_not_taken_for_all_of_it(remembered, capsys):
@@ -163,8 +165,51 @@ def test_what_is_left_of_a_task_is_not_taken_for_all_of_it(remembered, capsys):
     _waits.count_loaded(340_000)
     compile_programs(566_000)
     _waits.remember_waits()
-    assert "compiling the results of my-machine, about 60 s" in capsys.readouterr().err
+    assert "compiling the steady state of my-machine, about 60 s" in capsys.readouterr().err
     assert (remembered / "waits.json").read_text() == before
+
+
+def test_programs_that_were_read_are_left_out_of_what_is_told(remembered, capsys):
+    """After another command has kept the first program, there are two: 43 s at 1e-4 s a byte."""
+    compile_programs(566_000, 340_000, 90_000)
+    _waits.remember_waits()
+    _waits.watch_compiles("my-machine", "run")
+    capsys.readouterr()
+    _waits.count_loaded(566_000)
+    compile_programs(340_000, 90_000)
+    assert capsys.readouterr().err.splitlines() == [
+        "jaxcomp: compiling 2 programs for the steady state of my-machine, about 40 s in all; "
+        "later starts are quicker"
+    ]
+
+
+def test_a_first_start_is_told_by_what_usual_tasks_took_elsewhere(remembered, monkeypatch, capsys):
+    """At the pace of this machine, once it has done one of them: half as fast."""
+    usual = [
+        waits.Wait("run", 566_000, 3, 996_000, 60.0),
+        waits.Wait("map", 700_000, 2, 1_400_000, 70.0),
+    ]
+    monkeypatch.setattr(waits, "usual_waits", lambda: usual)
+    compile_programs(560_000, 340_000, 90_000)
+    _waits.compile_time.seconds += 120.0 - 99.0
+    _waits.remember_waits()
+    _waits.watch_compiles("my-machine", "map")
+    compile_programs(700_000, 700_000)
+    words = "of my-machine, about {} in all; later starts are quicker"
+    assert capsys.readouterr().err.splitlines() == [
+        f"jaxcomp: compiling 3 programs for the steady state {words.format('60 s')}",
+        f"jaxcomp: compiling 2 programs for the results {words.format('2 min')}",
+    ]
+
+
+def test_usual_waits_are_those_of_programs_that_take_long():
+    rows = json.loads(waits.USUAL.read_text("utf-8"))
+    assert len(waits.usual_waits()) == len(rows) > 0
+    for wait in waits.usual_waits():
+        assert wait.programs >= 1
+        assert wait.first <= wait.size
+        # a tenth to ten times what a byte takes on the whole
+        assert 0.1 < wait.seconds / (waits._PER_BYTE * wait.size) < 10
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", '[["run", 1]]', '[["run", "a", 1, 1, 1]]'])
