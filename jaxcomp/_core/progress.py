@@ -20,7 +20,7 @@ _EVERY = 10.0
 # [bytes] Programs of a shorter text are sums and copies, of which nobody wants to know the number.
 _COUNTED = 12_000
 # [bytes] The first program of a longer text says what kind of machine the task has.
-_LONG = 50_000
+_LONG = 30_000
 _PACKAGE = str(Path(__file__).parents[1])
 # What functions compute, in words; "the results" of all others.
 _COMPUTES = {
