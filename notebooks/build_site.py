@@ -159,7 +159,8 @@ def _entries_for_programs(pages: dict[str, str], entries: list) -> list[str]:
             lines += _entries_for_programs(pages, inner) if isinstance(inner, list) else []
             continue
         title, _, below = pages[entry].partition("# ")[2].partition("\n")
-        paragraph = re.search(r"^(?!```)[A-Z`][^#|<]*?(?=\n\n|\Z)", below, re.M)
+        prose = re.sub(r"^```.*?^```", "", below, flags=re.M | re.S)
+        paragraph = re.search(r"^[A-Z`][^#|<]*?(?=\n\n|\Z)", prose, re.M)
         sentence = ""
         if paragraph:
             sentence = re.split(r"(?<=(?<!al)[.:]) (?=[A-Z`])", paragraph[0].replace("\n", " "))[0]

@@ -63,3 +63,25 @@ def test_the_readme_is_short_and_begins_with_what_one_needs():
     places = [text.index(mark) for mark in ("<img", "```bash", "## What comes out")]
     assert places == sorted(places)
     assert text[: places[-1]].count("```bash") == 2
+
+
+def test_the_recipe_for_conda_has_the_version_and_dependencies_of_the_project():
+    jinja2 = pytest.importorskip("jinja2")
+    folder = ROOT / ".ci" / "conda"
+
+    def load_file_data(path: str, from_recipe_dir: bool) -> dict:
+        """As conda-build reads a file."""
+        assert from_recipe_dir
+        return tomllib.loads((folder / path).read_text("utf-8"))
+
+    template = jinja2.Template((folder / "meta.yaml").read_text("utf-8"))
+    recipe = yaml.safe_load(template.render(load_file_data=load_file_data, PYTHON="python"))
+    assert str(recipe["package"]["version"]) == PROJECT["version"]
+    assert recipe["build"]["entry_points"] == ["jaxcomp = jaxcomp.__main__:main"]
+    assert (folder / recipe["source"]["path"] / "pyproject.toml").exists()
+    python, *run = recipe["requirements"]["run"]
+    assert python == f"python {PROJECT['requires-python']}"
+    of_conda = {"flatbuffers": "python-flatbuffers", "matplotlib": "matplotlib-base"}
+    for dependency, written in zip(PROJECT["dependencies"], run, strict=True):
+        name = re.match(r"[\w-]+", dependency)[0]
+        assert written == of_conda.get(name, name) + dependency[len(name) :]
