@@ -160,7 +160,8 @@ def _entries_for_programs(pages: dict[str, str], entries: list) -> list[str]:
             continue
         title, _, below = pages[entry].partition("# ")[2].partition("\n")
         prose = re.sub(r"^```.*?^```", "", below, flags=re.M | re.S)
-        paragraph = re.search(r"^[A-Z`][^#|<]*?(?=\n\n|\Z)", prose, re.M)
+        prose = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", prose)
+        paragraph = re.search(r"(?<=\n\n)[A-Z`].*?(?=\n\n|\Z)", f"\n{prose}", re.S)
         sentence = ""
         if paragraph:
             sentence = re.split(r"(?<=(?<!al)[.:]) (?=[A-Z`])", paragraph[0].replace("\n", " "))[0]
