@@ -139,7 +139,7 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
 
 def _words_before(size: int, cached: bool) -> str:
     """Sentence for a program that takes long, which is told if nothing shows it; "" for others."""
-    done = (_Compiles.programs, _Compiles.size)
+    before = (_Compiles.programs, _Compiles.size)
     if size >= _COUNTED:
         _count(size)
     by_setting = os.environ.get("JAXCOMP_WAITS", "").lower() in ("on", "1", "yes")
@@ -153,7 +153,7 @@ def _words_before(size: int, cached: bool) -> str:
         return ""
     if _Compiles.total:
         return _Compiles.total
-    text, is_total = _forecast(size, seconds, done, waits)
+    text, is_total = _forecast(size, seconds, before, waits)
     if cached:
         text += "; later starts are quicker"
     if is_total:
@@ -164,24 +164,24 @@ def _words_before(size: int, cached: bool) -> str:
 
 
 def _forecast(
-    size: int, seconds: float, done: tuple[int, int], waits: list[Wait]
+    size: int, seconds: float, before: tuple[int, int], waits: list[Wait]
 ) -> tuple[str, bool]:
     """Sentence on a program that takes long; whether it speaks of all that the task has left.
 
     Args:
         size: [bytes] of the program.
         seconds: that it takes.
-        done: number and size of the programs before it.
+        before: number and size of the programs before it.
         waits: on this machine.
     """
     machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
-    left = None
+    open_wait = None
     if _Compiles.first:
-        left = remaining(expected(_Compiles.task, _Compiles.first, waits), *done)
-    if left is None or left.programs <= 1 or left.size < size:
+        open_wait = remaining(expected(_Compiles.task, _Compiles.first, waits), *before)
+    if open_wait is None or open_wait.programs <= 1 or open_wait.size < size:
         return f"compiling {_called()}{machine}, about {_about(seconds)}", False
-    programs = f"{left.programs} programs for {_called()}{machine}"
-    return f"compiling {programs}, about {_about(left.seconds)} in all", True
+    programs = f"{open_wait.programs} programs for {_called()}{machine}"
+    return f"compiling {programs}, about {_about(open_wait.seconds)} in all", True
 
 
 def _in_notebook() -> bool:

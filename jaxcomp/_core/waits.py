@@ -99,21 +99,21 @@ def remaining(wait: Wait | None, programs: int, size: int) -> Wait | None:
     """Part of a wait behind so many programs of so many bytes, compiled or read."""
     if wait is None or size >= wait.size:
         return None
-    left = wait.size - size
-    seconds = wait.seconds * left / wait.size
-    return wait._replace(programs=wait.programs - programs, size=left, seconds=seconds)
+    open_size = wait.size - size
+    seconds = wait.seconds * open_size / wait.size
+    return wait._replace(programs=wait.programs - programs, size=open_size, seconds=seconds)
 
 
 def _pace(waits: list[Wait]) -> float:
     """Seconds on this machine over those elsewhere, of tasks that both have done."""
-    here = 0.0
-    elsewhere = 0.0
+    measured_seconds = 0.0
+    usual_seconds = 0.0
     for wait in waits:
         usual = _latest_alike(usual_waits(), wait)
         if usual is not None:
-            here += wait.seconds
-            elsewhere += usual.seconds
-    return here / elsewhere if elsewhere else 1.0
+            measured_seconds += wait.seconds
+            usual_seconds += usual.seconds
+    return measured_seconds / usual_seconds if usual_seconds else 1.0
 
 
 def _latest_alike(waits: list[Wait], present: Wait) -> Wait | None:
