@@ -15,6 +15,7 @@ from ._core.each import AbstractEach, listed, of_cylinder
 from ._core.errors import BadInput, no_machine
 from ._core.extremes import max_of, maximum, min_of
 from ._core.fields import ANY, Part, is_traced, quantities, quantity, rebuilt, replaced, subparts
+from ._core.words import one_of
 from .crankshaft import Crankshaft
 from .crankshaft._loops import MachineLoops, machine_loops
 from .cylinder import Cylinder
@@ -222,6 +223,32 @@ def _check_pipes(compressor: Compressor) -> None:
                 bound = f"<= {5 * bore:.5g} m, five times the bore"
                 where = f"gas.{name}.piping.pipes.{number}.diameter"
                 raise BadInput(where, pipes.diameter, bound)
+
+
+def run_directions(compressor: Compressor | None) -> dict[str, Float[Array, "3"]]:
+    """Directions of runs of pipe and vessels by name; none without pipes."""
+    gas = None if compressor is None else compressor.gas
+    return gas.run_directions if isinstance(gas, Cylinder) else {}
+
+
+def check_runs(compressor: Compressor | None, loads: tuple, where: str) -> None:
+    """Refuse loads of runs that the machine has not.
+
+    Args:
+        compressor: with its pipes.
+        loads: with the name of a `run` each.
+        where: path of the list in a file.
+
+    Raises:
+        BadInput: a name that no run or vessel has.
+    """
+    names = run_directions(compressor)
+    for number, load in enumerate(loads):
+        if load.run not in names:
+            bound = "absent: no pipe of this machine has runs or vessels"
+            if names:
+                bound = f"{one_of(load.run, names)}, of runs and vessels of its pipes"
+            raise BadInput(f"{where}.{number}.run", load.run, bound)
 
 
 @runtime_checkable

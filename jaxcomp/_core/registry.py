@@ -31,7 +31,7 @@ _WORDS = {
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
     "piping": "pipes ([gas.suction.piping] or [gas.discharge.piping])",
-    "piping.runs": "straight runs of pipe ([[gas.suction.piping.runs]])",
+    "piping.runs": "straight runs of pipe or vessels ([[gas.suction.piping.runs]], [[gas.suction.piping.vessels]])",
     "simple_cycle": "a gas of type polytropic, double_acting or staged",
     "gas.inlet_temperature": "a simple cycle with an inlet_temperature",
     "gas.stages": "a gas of type staged",
@@ -99,7 +99,7 @@ class Quantity(NamedTuple):
             "journals": _has_journals(compressor),
             "gas.walls": getattr(gas, "walls", None) is not None,
             "piping": bool(_pipings(gas)),
-            "piping.runs": any(piping.runs for piping in _pipings(gas)),
+            "piping.runs": any(piping.shaken for piping in _pipings(gas)),
             "simple_cycle": getattr(gas, "kind", "") in _KINDS_OF_SIMPLE,
             "gas.inlet_temperature": _inlet(gas) is not None,
             "gas.stages": hasattr(gas, "stages"),
@@ -122,6 +122,11 @@ def _pipings(gas: Any) -> list[Any]:
     lines = [getattr(gas, name, None) for name in ("suction", "discharge")]
     networks = [getattr(line, "piping", None) for line in lines]
     return [piping for piping in networks if piping is not None]
+
+
+def _resonances(machine: Any) -> list[str]:
+    """Names of the resonances of pipes that are quantities."""
+    return machine.compressor.gas.resonance_names
 
 
 def _between_stages(machine: Any) -> list[str]:
@@ -287,8 +292,17 @@ _BUILT_IN = (
              "Mean loss of pressure in the pipes between a flange and its line.",
              lambda r: r.orbit.cycle.pulsation.mean_drops, (*_CYCLE, "piping")),
     Quantity("shaking.<run>", "N", "less",
-             "Amplitude of the force along a straight run of pipe, by order.",
+             "Amplitude of the force along a straight run of pipe or a vessel, by order.",
              lambda r: r.orbit.cycle.pulsation.shaking_forces, (*_CYCLE, "piping.runs")),
+    Quantity("resonance.<number>", "Hz", "",
+             "Natural frequency of the pipes, flanges shut: the lowest of a line, from 1.",
+             lambda r: {f"{name}.frequency": of.frequency for name, of in r.resonances.items()},
+             ("compressor", "valves", "piping"),
+             members=lambda machine: [f"{name}.frequency" for name in _resonances(machine)]),
+    Quantity("resonance_quality.<number>", "", "less",
+             "Q of such a resonance: its frequency over the width of its peak.",
+             lambda r: {name: of.quality for name, of in r.resonances.items()},
+             ("compressor", "valves", "piping"), members=_resonances),
     Quantity("volume_use.<cause>", "", "less",
              "What the swept volume is used for, delivered or lost; the values add up to 1.",
              lambda r: {k.replace(" ", "_"): v for k, v in r.orbit.cycle.volume_losses.items()},

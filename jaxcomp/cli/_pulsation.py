@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -90,10 +91,16 @@ def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> 
     high = float(max(speeds))
     highest = orders * max(high, motor_speed) / (2 * math.pi)
     resonances = jc.cylinder.line_resonances(
-        of_cylinder(compressor.gas), of_cylinder(compressor.mechanism), motor_speed, highest
+        of_cylinder(compressor.gas),
+        of_cylinder(compressor.mechanism),
+        motor_speed,
+        highest,
+        compressor.crankshaft.count,
     )
     rows = []
-    for number, resonance in enumerate(resonances, 1):
+    numbers = Counter()
+    for resonance in resonances:
+        numbers[resonance.line] += 1
         frequency = float(resonance.frequency)
         crossings = []
         distances = []
@@ -104,7 +111,7 @@ def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> 
                 crossings.append({"order": order, "speed": speed})
         rows.append(
             {
-                "number": number,
+                "number": numbers[resonance.line],
                 "line": resonance.line,
                 "frequency": frequency,
                 "quality": min(float(resonance.quality), 1e6),

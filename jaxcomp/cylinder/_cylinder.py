@@ -17,6 +17,7 @@ from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
 from ..fluid._real import FAR, has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
+from ..piping.interface import NAMED_RESONANCES, unit_direction
 from ..valve import AbstractValve
 from ..valve._flow import Side, critical_ratio
 from ._lines import DischargeLine, SuctionLine, by_dew_points
@@ -279,6 +280,28 @@ class Cylinder(AbstractGas):
                 yield name
         if _unloader_of(self) is not None:
             yield "suction_valve.unloader"
+
+    @property
+    def resonance_names(self) -> list[str]:
+        """Names of the lowest resonances of pipes: numbers, behind that of the line where both have any."""
+        lines = {"suction": self.suction.piping, "discharge": self.discharge.piping}
+        piped = [name for name, piping in lines.items() if piping is not None]
+        numbers = range(1, NAMED_RESONANCES + 1)
+        if len(piped) == 1:
+            return [str(number) for number in numbers]
+        return [f"{name}.{number}" for name in piped for number in numbers]
+
+    @property
+    def run_directions(self) -> dict[str, Float[Array, "3"]]:
+        """Directions of runs of pipe and vessels, by their names among the quantities."""
+        lines = {"suction": self.suction.piping, "discharge": self.discharge.piping}
+        piped = {name: piping for name, piping in lines.items() if piping is not None}
+        directions = {}
+        for line, piping in piped.items():
+            for name, element in zip(piping.run_names, piping.shaken, strict=True):
+                name_of_line = f"{line}.{name}" if len(piped) > 1 else name
+                directions[name_of_line] = unit_direction(element.direction)
+        return directions
 
     @property
     def stages(self) -> tuple[int, ...]:

@@ -1,12 +1,16 @@
 """Frequencies at which the pipes of a machine ring by themselves, before any cycle is solved."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
+import equinox as eqx
 from jaxtyping import Array, Float
 
-from ..piping import resonances
+from .._core.fields import rebuilt
+from ..piping import PipeGas, lowest_resonances, resonances
+from ..piping.interface import NAMED_RESONANCES, Network
 from ._cylinder import Cylinder, prepare
-from ._waves import lines_of, waves_at_rest
+from ._waves import LINES, lines_of, waves_at_rest
 
 
 class LineResonance(NamedTuple):
@@ -23,27 +27,74 @@ class LineResonance(NamedTuple):
     quality: Float[Array, ""]
 
 
+class _LineAtRest(NamedTuple):
+    """The pipes of a line with their gas."""
+
+    name: str
+    network: Network
+    gas: PipeGas
+
+
+def _lines_at_rest(cylinder: Cylinder, mechanism, speed, count: int) -> Iterator[_LineAtRest]:
+    """Networks of both lines. The gas behind the discharge valve is that of the line, as nothing is
+    delivered yet, and before the suction valve it is that which comes.
+
+    Args:
+        cylinder: gas, valves and lines.
+        mechanism: the piston's motion.
+        speed: [rad/s] of the crank.
+        count: of cylinders.
+    """
+    suction = cylinder.suction
+    if suction.warming is not None:
+        # the pipes have the gas as it comes, whatever warms it behind them
+        cylinder = rebuilt(cylinder, suction=rebuilt(suction, warming=None))
+    case = prepare(cylinder, mechanism, speed)
+    case = eqx.tree_at(lambda case: case.swept, case, count * case.swept)
+    lines = zip(LINES, lines_of(case), waves_at_rest(cylinder), strict=True)
+    for name, line, waves in lines:
+        if line is not None and waves is not None:
+            gas = line.gas(waves.temperature)
+            yield _LineAtRest(name, line.network(gas), gas)
+
+
 def line_resonances(
-    cylinder: Cylinder, mechanism, speed: float, highest: float
+    cylinder: Cylinder, mechanism, speed: float, highest: float, count: int = 1
 ) -> list[LineResonance]:
     """Resonances of all pipes of a machine, of either line from the lowest.
-
-    The gas behind the discharge valve is that of the line, as nothing is delivered yet.
 
     Args:
         cylinder: gas, valves and lines.
         mechanism: the piston's motion.
         speed: [rad/s] of the crank.
         highest: [Hz] up to which they are sought.
+        count: of cylinders.
     """
-    case = prepare(cylinder, mechanism, speed)
-    named = []
-    for side, (line, waves) in enumerate(zip(lines_of(case), waves_at_rest(cylinder), strict=True)):
-        if line is None or waves is None:
-            continue
-        gas = line.gas(waves.temperature)
-        at_line = resonances(line.network(gas), gas, highest)
-        name = ("suction", "discharge")[side]
+    listed = []
+    for name, network, gas in _lines_at_rest(cylinder, mechanism, speed, count):
+        at_line = resonances(network, gas, highest)
         for frequency, quality in zip(at_line.frequency, at_line.quality, strict=True):
-            named.append(LineResonance(name, frequency, quality))
-    return named
+            listed.append(LineResonance(name, frequency, quality))
+    return listed
+
+
+def named_resonances(
+    cylinder: Cylinder, mechanism, speed: Float[Array, ""], count: int = 1
+) -> dict[str, LineResonance]:
+    """The lowest resonances of all pipes by `Cylinder.resonance_names`, with derivatives, also within `jit`.
+
+    Args:
+        cylinder: gas, valves and lines.
+        mechanism: the piston's motion.
+        speed: [rad/s] of the crank.
+        count: of cylinders.
+
+    Returns:
+        Those of which damping leaves no peak are infinite.
+    """
+    of_lines = []
+    for name, network, gas in _lines_at_rest(cylinder, mechanism, speed, count):
+        lowest = lowest_resonances(network, gas, NAMED_RESONANCES)
+        for frequency, quality in zip(lowest.frequency, lowest.quality, strict=True):
+            of_lines.append(LineResonance(name, frequency, quality))
+    return dict(zip(cylinder.resonance_names, of_lines, strict=True))

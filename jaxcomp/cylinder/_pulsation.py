@@ -14,10 +14,10 @@ from .._core.extremes import max_of, maximum, min_of
 from .._core.fields import is_traced
 from .._core.results import Data, Result
 from .._core.status import Status
-from ..piping import flange_limit, line_limit, line_limit_of_approach_1
-from ..piping._network import steady_transfers, transfers
+from ..piping import Run, Vessel, flange_limit, line_limit, line_limit_of_approach_1
+from ..piping._network import Network, steady_transfers, transfers
 from ._cylinder import Case
-from ._waves import Line, Observed, SideWaves, Waves, complex_of, lines_of, series_of
+from ._waves import LINES, Line, Observed, SideWaves, Waves, complex_of, lines_of, series_of
 
 # Orders that have names of their own.
 NAMED_ORDERS = 8
@@ -79,8 +79,7 @@ class Pulsation(Result, eqx.Module):
 
     def _name(self, side: int, node: str) -> str:
         """Name of a node, with its line where both are networks."""
-        word = ("suction", "discharge")[side]
-        return f"{word}.{node}" if len(self.flows) > 1 else node
+        return f"{LINES[side]}.{node}" if len(self.flows) > 1 else node
 
     def series(self) -> dict[str, Float[Array, " h"]]:
         """Series [Pa] of the pressure at every node, beyond that of its line: mean, cosines, sines."""
@@ -203,6 +202,9 @@ class Pulsation(Result, eqx.Module):
                     continue
                 name = self._name(side, node)
                 touching = [k for k, pair in enumerate(network.pipe_ends) if number in pair]
+                # what counts is the line, and the vessel only where there is no other at its node
+                pipes = [k for k in touching if k < line.piping.pipe_count]
+                touching = pipes or touching
                 diameter = max_of(network.diameter[np.array(touching, int)])
                 mean = pressure + series[name][0]
                 orders = min(NAMED_ORDERS, spectra[name].size)
@@ -235,7 +237,7 @@ class Pulsation(Result, eqx.Module):
 
     @property
     def shaking_forces(self) -> dict[str, Float[Array, ""]]:
-        """[N] Amplitudes of the forces on the runs of pipe, by RUN.order_1 and so on."""
+        """[N] Amplitudes of the forces on runs of pipe and vessels, by RUN.order_1 and so on."""
         forces = {}
         for run, sizes in _spectra(self.shaking_series()).items():
             for order in range(1, min(NAMED_ORDERS, sizes.size) + 1):
@@ -243,17 +245,17 @@ class Pulsation(Result, eqx.Module):
         return forces
 
     def shaking_series(self) -> dict[str, Float[Array, " h"]]:
-        """Series [N] of the force on every run, along it from its first node to its second."""
+        """Series [N] of the force on every run and vessel, along it from its first end to its second."""
         forces = {}
         series = self.series()
         for side, line, _ in self.lines:
             waves = self._waves_of_side(side)
             network = line.network(line.gas(waves.temperature))
-            for run in line.piping.runs:
-                first, second = (network.nodes.index(node) for node in run.nodes)
-                area = network.area[_pipe_of_run(network.pipe_ends, first, second)]
-                a, b = (series[self._name(side, node)] for node in run.nodes)
-                forces[self._name(side, "-".join(run.nodes))] = area * (a - b)
+            piping = line.piping
+            for name, element in zip(piping.run_names, piping.shaken, strict=True):
+                area = _area_of(network, element)
+                a, b = (series[self._name(side, node)] for node in element.ends)
+                forces[self._name(side, name)] = area * (b - a)
         return forces
 
     @property
@@ -401,6 +403,14 @@ def peak_to_peak(series: Float[Array, " h"]) -> Float[Array, ""]:
     angle = np.arange(1, orders + 1) * tau[:, None]
     values = np.cos(angle) @ cosine + np.sin(angle) @ sine
     return max_of(values) - min_of(values)
+
+
+def _area_of(network: Network, element: Run | Vessel) -> Float[Array, ""]:
+    """[m^2] Area of the straight piece that a run or vessel is."""
+    if isinstance(element, Vessel):
+        return np.pi / 4 * element.diameter[0] ** 2
+    first, second = (network.nodes.index(node) for node in element.nodes)
+    return network.area[_pipe_of_run(network.pipe_ends, first, second)]
 
 
 def _pipe_of_run(pipe_ends, first: int, second: int) -> int:

@@ -32,6 +32,8 @@ _INSTANTS = 6
 # The same at which a march finds the pressures, with cubics between: 4e-6 of the last harmonic.
 _SAMPLES = 32
 _TINY = 1e-9
+# Names of the lines, by the number of their side.
+LINES = ("suction", "discharge")
 
 
 class SideWaves(NamedTuple):
@@ -95,7 +97,7 @@ def waves_at_rest(cylinder: Cylinder) -> Waves:
             sides.append(None)
             continue
         squares = sum(not orifice.is_linear for orifice in piping.orifices)
-        rough = sum(len(p.nodes) - 1 for p in piping.pipes if p.attenuation is None)
+        rough = sum(len(p.nodes) - 1 for p in piping.ducts if p.attenuation is None)
         waves = SideWaves(
             pressure=jnp.zeros((len(piping.flanges), 2 * orders + 1)),
             drops=jnp.zeros((squares, 2 * orders + 1)),
@@ -255,7 +257,7 @@ class Line(eqx.Module):
     @property
     def is_fixed(self) -> bool:
         """Whether its responses are the same for all waves: known gas and attenuation."""
-        has_friction = any(pipes.attenuation is None for pipes in self.piping.pipes)
+        has_friction = any(duct.attenuation is None for duct in self.piping.ducts)
         return not (has_friction or has_own_temperature(self.cylinder, self.side))
 
     def responses(self, waves: SideWaves):

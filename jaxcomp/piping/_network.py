@@ -102,18 +102,18 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     at = {name: number for number, name in enumerate(nodes)}
     pipe_ends = []
     attenuated = []
-    for pipes in piping.pipes:
-        gaps = list(pairwise(at[name] for name in pipes.nodes))
+    for duct in piping.ducts:
+        gaps = list(pairwise(at[name] for name in duct.nodes))
         pipe_ends += gaps
-        attenuated += [pipes.attenuation is not None] * len(gaps)
+        attenuated += [duct.attenuation is not None] * len(gaps)
     ends = {end.node: end.kind for end in piping.ends}
 
     def column(name):
         parts = []
-        for pipes in piping.pipes:
-            values = getattr(pipes, name)
+        for duct in piping.ducts:
+            values = getattr(duct, name)
             if values is None:
-                values = jnp.zeros_like(pipes.length)
+                values = jnp.zeros_like(duct.length)
             parts.append(values)
         return jnp.concatenate(parts)
 

@@ -13,6 +13,7 @@ from .end import AbstractEnd
 from .orifice import Orifice
 from .pipe import Pipes
 from .run import Run
+from .vessel import Vessel
 from .volume import Volume
 
 LINE = "line"
@@ -34,6 +35,7 @@ class Piping(Part):
         orifices: plates and other resistances.
         ends: of pipes that lead to neither flange nor line; closed where none is given.
         runs: straight pieces on whose bends the pressure acts.
+        vessels: bottles whose length counts, with the force on their end plates.
         temperature: [K] of the gas in the pipes; absent: in the suction line that of the gas as it
             comes, in the discharge line the mean of what is delivered.
         orders: harmonics of the revolution.
@@ -49,6 +51,7 @@ class Piping(Part):
     orifices: tuple[Orifice, ...] = ()
     ends: tuple[AbstractEnd, ...] = ()
     runs: tuple[Run, ...] = ()
+    vessels: tuple[Vessel, ...] = ()
     temperature: Float[Array, ""] | None = quantity(
         "K", POSITIVE, default=None, doc="of the gas in the pipes", usual=(150.0, 700.0)
     )
@@ -79,6 +82,7 @@ class Piping(Part):
             raise BadInput("pipes.0.nodes", ", ".join(self.flanges), bound)
         self._check_elements(joined)
         self._check_ends()
+        self._check_shaken()
 
     def _check_elements(self, joined: set[str]):
         for entry in ("volumes", "ends"):
@@ -95,6 +99,15 @@ class Piping(Part):
                 unknown = ", ".join(f'"{node}"' for node in run.nodes if node not in joined)
                 raise BadInput(f"runs.{number}.nodes", unknown, "nodes of the pipes")
 
+    def _check_shaken(self):
+        """Refuse two names for one force."""
+        names = self.run_names
+        for number, vessel in enumerate(self.vessels):
+            name = "-".join(vessel.ends)
+            if names.count(name) > 1:
+                bound = f"other nodes than those of another vessel or run: {name} is one force"
+                raise BadInput(f"vessels.{number}.nodes", str(list(vessel.nodes)), bound)
+
     def _check_ends(self):
         numbers = {}
         for number, end in enumerate(self.ends):
@@ -109,11 +122,12 @@ class Piping(Part):
 
     def _check_ways(self):
         reached = self._reached(LINE)
-        for number, pipes in enumerate(self.pipes):
-            for node in pipes.nodes:
-                if node not in reached:
-                    bound = f'joined to "{LINE}" by pipes or orifices; "{node}" leads nowhere'
-                    raise BadInput(f"pipes.{number}.nodes", f'"{node}"', bound)
+        for entry in ("pipes", "vessels"):
+            for number, duct in enumerate(getattr(self, entry)):
+                for node in duct.nodes:
+                    if node not in reached:
+                        bound = f'joined to "{LINE}" by pipes or orifices; "{node}" leads nowhere'
+                        raise BadInput(f"{entry}.{number}.nodes", f'"{node}"', bound)
         for number, orifice in enumerate(self.orifices):
             for node in orifice.nodes:
                 if node not in reached or node not in self._ends_of_others(orifice):
@@ -123,7 +137,7 @@ class Piping(Part):
     def _ends_of_others(self, orifice: Orifice) -> set[str]:
         """Names of nodes that other elements have, and of the line."""
         nodes = {LINE}
-        for element in (*self.orifices, *self.pipes):
+        for element in (*self.orifices, *self.ducts):
             if element is not orifice:
                 nodes.update(element.nodes)
         return nodes
@@ -132,8 +146,8 @@ class Piping(Part):
         return ", ".join(f'"{node}"' for node in self.nodes)
 
     def edges(self) -> Iterator[tuple[str, str]]:
-        """Pairs of nodes that a pipe or an orifice joins."""
-        for element in (*self.pipes, *self.orifices):
+        """Pairs of nodes that a pipe, a vessel or an orifice joins."""
+        for element in (*self.ducts, *self.orifices):
             yield from zip(element.nodes, element.nodes[1:], strict=False)
 
     def _reached(self, start: str) -> set[str]:
@@ -145,6 +159,26 @@ class Piping(Part):
                 if reached & set(edge):
                     reached |= set(edge)
         return reached
+
+    @property
+    def ducts(self) -> tuple[Pipes | Vessel, ...]:
+        """All that waves run along."""
+        return (*self.pipes, *self.vessels)
+
+    @property
+    def pipe_count(self) -> int:
+        """Number of pipes between two nodes, which stand before vessels in the arrays of a network."""
+        return sum(len(pipes.nodes) - 1 for pipes in self.pipes)
+
+    @property
+    def shaken(self) -> tuple[Run | Vessel, ...]:
+        """All that waves push to and fro."""
+        return (*self.runs, *self.vessels)
+
+    @property
+    def run_names(self) -> list[str]:
+        """Names of these: those of their ends with a hyphen."""
+        return ["-".join(element.ends) for element in self.shaken]
 
     @property
     def nodes(self) -> tuple[str, ...]:

@@ -7,15 +7,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .._core.extremes import maximum
 from ._gas import PipeGas
 from ._network import Network, impedances, no_drag, tableau, transfers
 
+# Resonances of a line that have names of their own, from the lowest.
+NAMED_RESONANCES = 4
 # Places of the search over frequency: peaks nearer than this share of the range may be taken as one.
 _PLACES = 4000
 _STEPS = 12
+# Peaks for which a program has room at first, and peaks that are tried for a resonance that is wanted.
+_ROOM = 16
+_TRIES = 2
 # [-] Roots nearer than this are one.
 _SAME = 1e-6
 
@@ -55,16 +60,6 @@ def _newton(network: Network, gas: PipeGas, start):
     return lax.fori_loop(0, _STEPS, advance, start)
 
 
-@jax.jit
-def _roots(network: Network, gas: PipeGas, starts: Complex[Array, " r"]) -> Complex[Array, " r"]:
-    """Roots near all starts.
-
-    One after the other: singular values of a batch are shared out among the threads of XLA, and where a
-    machine has but one of these the program waited for itself without end.
-    """
-    return lax.map(partial(_newton, network, gas), starts)
-
-
 def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Complex[Array, ""]:
     """Root s [1/s] of the network's free vibration near a start, with its first derivatives.
 
@@ -76,17 +71,60 @@ def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Comp
         start: [1/s]
     """
     fixed = lax.stop_gradient((network, gas))
-    s = lax.stop_gradient(_newton(*fixed, start))
+    return _followed(network, gas, _newton(*fixed, start))
+
+
+def _followed(network: Network, gas: PipeGas, root: Complex[Array, ""]) -> Complex[Array, ""]:
+    """A root that was found, with its first derivatives."""
+    fixed = lax.stop_gradient((network, gas))
+    s = lax.stop_gradient(root)
     matrix, slope = jax.jvp(lambda s: _matrix(*fixed, s), (s,), (jnp.ones_like(s),))
     x, y = lax.stop_gradient(_null_vectors(matrix))
     weight = lax.stop_gradient(y.conj() @ slope @ x)
     return s - (y.conj() @ _matrix(network, gas, s) @ x) / weight
 
 
-@jax.jit
-def _followed(network: Network, gas: PipeGas, roots: Complex[Array, " r"]) -> Complex[Array, " r"]:
-    """Roots that were found, with their derivatives."""
-    return lax.map(partial(root_near, network, gas), roots)
+def _peaks(network: Network, gas: PipeGas, frequency) -> Bool[Array, " f"]:
+    """Whether the impedance of any flange has a peak at a frequency."""
+    size = jnp.abs(impedances(network, gas, frequency))
+    height = jnp.diagonal(size, axis1=1, axis2=2)
+    inner = (height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:])
+    return jnp.pad(jnp.any(inner, axis=1), 1)
+
+
+def _lowest(network: Network, gas: PipeGas, highest, room: int) -> tuple[Resonances, Array]:
+    """The resonances that as many of the lowest peaks lead to, and the number of all peaks.
+
+    Places that hold none are infinite.
+    """
+    fixed = lax.stop_gradient((network, gas))
+    frequency = lax.stop_gradient(highest) * np.linspace(1 / _PLACES, 1.0, _PLACES)
+    peaks = _peaks(*fixed, frequency)
+    (places,) = jnp.nonzero(peaks, size=room, fill_value=0)
+    has_start = jnp.arange(room) < jnp.sum(peaks)
+    # One after the other: singular values of a batch are shared out among the threads of XLA, and where
+    # a machine has but one of these the program waited for itself without end.
+    roots = lax.map(partial(_newton, *fixed), 2j * np.pi * frequency[places])
+    # Newton's method may leave its peak, for a root beyond or for one that another peak leads to
+    inside = has_start & (roots.imag > 0) & (roots.imag <= 2 * np.pi * frequency[-1] * (1 + 1e-9))
+    distance = jnp.abs(roots[:, None] - roots)
+    is_same = distance <= _SAME * jnp.abs(roots[:, None])
+    comes_before = np.tri(room, k=-1, dtype=bool)
+    distinct = inside & ~jnp.any(is_same & comes_before & inside, axis=1)
+    order = jnp.argsort(jnp.where(distinct, roots.imag, jnp.inf))
+    is_root = distinct[order]
+    # derivatives at a place without a root are those at a root
+    followed = lax.map(
+        partial(_followed, network, gas), jnp.where(is_root, roots[order], roots[order[0]])
+    )
+    damping = maximum(jnp.abs(followed.real), 1e-12 * jnp.abs(followed.imag))
+    # without losses Q has no bound
+    quality = followed.imag / (2 * damping)
+    found = Resonances(followed.imag / (2 * np.pi), quality, followed)
+    return jax.tree.map(lambda values: jnp.where(is_root, values, jnp.inf), found), jnp.sum(peaks)
+
+
+_lowest_compiled = jax.jit(_lowest, static_argnames="room")
 
 
 def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
@@ -99,27 +137,30 @@ def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
         gas: in it.
         highest: [Hz] up to which they are sought.
     """
-    frequency = np.linspace(highest / _PLACES, highest, _PLACES)
-    fixed = lax.stop_gradient((network, gas))
-    size = np.abs(np.asarray(jax.jit(impedances)(*fixed, frequency)))
-    peaks = []
-    for flange in range(size.shape[1]):
-        height = size[:, flange, flange]
-        inner = (height[1:-1] >= height[:-2]) & (height[1:-1] > height[2:])
-        peaks += list(frequency[1:-1][inner])
-    if not peaks:
-        none = jnp.zeros(0)
-        return Resonances(none, none, none + 0j)
-    starts = 2j * np.pi * jnp.asarray(sorted(peaks))
-    roots = np.asarray(_roots(*fixed, starts))
-    distinct = []
-    for root in sorted(roots, key=lambda root: root.imag):
-        # Newton's method may leave its peak, for a root beyond or for one that another peak leads to
-        inside = 0 < root.imag <= 2 * np.pi * highest * (1 + 1e-9)
-        if inside and all(abs(root - other) > _SAME * abs(root) for other in distinct):
-            distinct.append(root)
-    followed = _followed(network, gas, jnp.asarray(distinct))
-    damping = jnp.abs(followed.real)
-    # without losses Q has no bound
-    quality = followed.imag / (2 * maximum(damping, 1e-12 * followed.imag))
-    return Resonances(followed.imag / (2 * np.pi), quality, followed)
+    room = _ROOM
+    lowest, peaks = _lowest_compiled(network, gas, jnp.asarray(highest, float), room)
+    while int(lax.stop_gradient(peaks)) > room:
+        room *= 2
+        lowest, peaks = _lowest_compiled(network, gas, jnp.asarray(highest, float), room)
+    exists = np.isfinite(np.asarray(lax.stop_gradient(lowest.frequency)))
+    return jax.tree.map(lambda values: values[exists], lowest)
+
+
+def lowest_resonances(network: Network, gas: PipeGas, count: int) -> Resonances:
+    """The lowest resonances of a network with its flanges shut, also within `jit`.
+
+    They are sought so far that a network without losses has them all: the pipes between nodes have more
+    than $2Lf/c$ of them below f, less one for each pipe.
+
+    Args:
+        network: of `network_of`.
+        gas: in it.
+        count: of resonances; those that the network has not, as damping leaves no peak of them, are
+            infinite.
+    """
+    pipes = network.length.size
+    highest = (count + pipes + 1) * gas.sound_speed / (2 * jnp.sum(network.length))
+    # each flange may have a peak of its own, a step of the search beside that of another
+    room = _TRIES * count * len(network.flanges)
+    lowest, _ = _lowest(network, gas, highest, room)
+    return jax.tree.map(lambda values: values[:count], lowest)

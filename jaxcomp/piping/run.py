@@ -1,4 +1,11 @@
-"""Straight pieces between bends, which waves push along."""
+r"""Straight pieces between bends, which waves push along.
+
+At its bends the gas pushes a piece outwards. Along it, from the first node to the second, that is
+
+$$F_n = A\,(p_b - p_a)_n,$$
+
+without friction minus the rate of the gas's momentum, $-i n\Omega\int\dot m_n\,dx$.
+"""
 
 from typing import ClassVar
 
@@ -11,11 +18,12 @@ from .._core.fields import ANY, Part, is_traced, quantity
 
 
 class Run(Part):
-    r"""A straight piece between two bends, on whose ends the pressure acts: $F_n = A(p_a - p_b)_n$.
+    """A straight piece between two bends, on which the pressure acts.
 
     Args:
         nodes: names of both ends, of one pipe or of a chain of equal ones.
-        direction: [-] (3,) of the force, in the frame of the machine; along z if absent.
+        direction: [-] (3,) from its first node to its second, in the frame of the machine; along z if
+            absent.
 
     Raises:
         BadInput: not two different nodes, or a direction without length.
@@ -29,7 +37,31 @@ class Run(Part):
     def __check_init__(self):
         if len(self.nodes) != 2 or self.nodes[0] == self.nodes[1]:
             raise BadInput("nodes", str(list(self.nodes)), "two different names")
-        if self.direction is None or is_traced(self.direction):
-            return
-        if not bool(jnp.any(self.direction != 0)):
-            raise BadInput("direction", self.direction, "not of length 0")
+        check_direction(self.direction)
+
+    @property
+    def ends(self) -> tuple[str, ...]:
+        """Names of the nodes at its bends."""
+        return self.nodes
+
+
+def check_direction(direction: Float[Array, "3"] | None) -> None:
+    """Refuse a direction without length.
+
+    Args:
+        direction: [-] (3,) or none.
+
+    Raises:
+        BadInput: of a direction of zeros.
+    """
+    if direction is None or is_traced(direction):
+        return
+    if not bool(jnp.any(direction != 0)):
+        raise BadInput("direction", direction, "not of length 0")
+
+
+def unit_direction(direction: Float[Array, "3"] | None) -> Float[Array, "3"]:
+    """Direction of length one; along z where none is given."""
+    if direction is None:
+        return jnp.array([0.0, 0.0, 1.0])
+    return direction / jnp.linalg.norm(direction)

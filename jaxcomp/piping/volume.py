@@ -11,7 +11,7 @@ from .._core.fields import POSITIVE, Part, quantity
 class Volume(Part):
     r"""A bottle or vessel, small beside the wave: $\dot m = s V/c^2\,p$.
 
-    One whose length matters, or whose shaking force is wanted, is a wide pipe.
+    One whose length matters, or whose shaking force is wanted, is a `Vessel`.
 
     Args:
         node: where it is.

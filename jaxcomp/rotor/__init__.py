@@ -30,6 +30,7 @@ from ._loads import CrankNodes as CrankNodes
 from ._loads import LoadCase as LoadCase
 from ._loads import Loads as Loads
 from ._loads import PeriodicForce as PeriodicForce
+from ._loads import PipeNode as PipeNode
 from ._loads import Unbalances as Unbalances
 from ._model import BalancingPlanes as BalancingPlanes
 from ._model import CorrectionPlane as CorrectionPlane

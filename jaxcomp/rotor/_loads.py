@@ -124,6 +124,19 @@ class CrankNodes(Part):
         return (self._nodes,)
 
 
+class PipeNode(Part):
+    """Node on which the waves of pipes push by a run or a vessel, see `jaxcomp.piping`.
+
+    Args:
+        run: name of the run or vessel, as `shaking` has it: its ends with a hyphen, such as "tee-line",
+            with "suction." or "discharge." before them where both lines have pipes.
+        node: of the crankcase or housing that holds it.
+    """
+
+    run: str = eqx.field(static=True)
+    node: Node = eqx.field(static=True)
+
+
 class LoadCase(Part):
     """Unbalances, periodic forces, and where the forces of the crank act.
 
@@ -131,11 +144,21 @@ class LoadCase(Part):
         unbalances: tables of unbalances.
         forces: periodic forces.
         crank: where the forces of the compressor of the same file act.
+        pipes: where its pipes push, beside those forces.
+
+    Raises:
+        BadInput: `pipes` without `crank`.
     """
 
     unbalances: tuple[Unbalances, ...] = ()
     forces: tuple[PeriodicForce, ...] = ()
     crank: CrankNodes | None = None
+    pipes: tuple[PipeNode, ...] = ()
+
+    def __check_init__(self):
+        if self.pipes and self.crank is None:
+            bound = "absent without `loads.crank`: waves shake with the crank that makes them"
+            raise BadInput("pipes", f"{len(self.pipes)} given", bound)
 
     @property
     def loads(self) -> "Loads":
@@ -154,6 +177,8 @@ class LoadCase(Part):
         for number, force in enumerate(self.forces):
             check_nodes(model, force.node, f"forces.{number}.node")
             check_nodes(model, force.reaction, f"forces.{number}.reaction")
+        for number, pipe in enumerate(self.pipes):
+            check_nodes(model, pipe.node, f"pipes.{number}.node")
         if self.crank is None:
             return
         for name in ("pin", "head", "wall", "rotor", "stator"):

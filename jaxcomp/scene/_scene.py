@@ -15,7 +15,7 @@ from .._core.errors import BadInput
 from .._core.fields import Part, names_with_value
 from .._core.files import regular
 from .._core.words import did_you_mean, hint
-from ..compressor import Compressor
+from ..compressor import Compressor, check_runs
 from ..crank import CrankTrain
 from ..machine import Assembly, Machine, assembled, correction_planes
 from ._cells import with_tables
@@ -178,10 +178,13 @@ def machines() -> tuple[Bundled, ...]:
     return tuple(listed)
 
 
-def _check_beside(name: str, part: Part, parts: Mapping[str, Part]) -> None:
-    """Let a part check what it says about the other sections, where it has a method for that."""
+def _check_beside(
+    name: str, part: Part, parts: Mapping[str, Part], compressor: Compressor | None
+) -> None:
+    """Let a part check what it says about the other sections, and the runs of pipe that it names."""
     try:
         getattr(part, "check_beside", lambda parts: None)(parts)
+        check_runs(compressor, getattr(part, "pipes", ()), "pipes")
     except BadInput as error:
         if not error.field:  # the section as a whole
             raise SceneError(name, f"must be {error.bound}") from None
@@ -288,7 +291,7 @@ def _machine(
         first, *further = reader.problems
         raise SceneError(first.key, first.problem, first.value, others=further)
     for name, part in parts.items():
-        _check_beside(name, part, parts)
+        _check_beside(name, part, parts, compressor)
     planes = correction_planes(parts.get("balancing"))
     masses = {name: corrections.get(name, jnp.zeros(2)) for name in planes}
     return Machine(compressor, parts, masses, **named), reader.sources

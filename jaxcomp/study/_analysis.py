@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.each import of_cylinder
 from .._core.errors import BadInput
 from .._core.extremes import min_of
 from .._core.fields import admissible
@@ -26,7 +27,9 @@ from ..crank import (
     solve_orbit,
 )
 from ..crank._orbit import time_harmonics
+from ..cylinder import LineResonance
 from ..cylinder._climb import events_without_room
+from ..cylinder._line_resonances import named_resonances
 from ..cylinder._several import of_each
 from ..friction._joint_loads import magnitude
 from ..machine import Assembly, Machine, assembled
@@ -90,6 +93,14 @@ class DesignResult:
         described = self.design.compressor
         machine_gas = None if described is None else described.gas
         return ideal_delivery(self._compressor, machine_gas, self.orbit.mean_speed)
+
+    @cached_property
+    def resonances(self) -> dict[str, LineResonance]:
+        """The lowest resonances of the pipes, which need no cycle."""
+        compressor = self._compressor
+        first = of_cylinder(compressor.gas), of_cylinder(compressor.mechanism)
+        speed = compressor.motor.speed_guess
+        return named_resonances(*first, speed, compressor.crankshaft.count)
 
     @cached_property
     def wrench(self) -> Wrench:

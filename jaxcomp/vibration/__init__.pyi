@@ -18,6 +18,7 @@ from ._machine import undamped_modes as undamped_modes
 from ._motion import MotionOverSpeed as MotionOverSpeed
 from ._motion import RotorMotion as RotorMotion
 from ._motion import rotor_motion as rotor_motion
+from ._suspension import PipePoint as PipePoint
 from ._suspension import Spring as Spring
 from ._suspension import Suspension as Suspension
 from ._wrench import Wrench as Wrench

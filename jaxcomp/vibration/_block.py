@@ -21,10 +21,11 @@ from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.nested import fields_of, records
 from .._core.results import Data, Result, reading
-from ..compressor import Compressor
+from ..compressor import Compressor, check_runs
 from ..crank import Orbit
 from ..crank._orbit import time_harmonics
 from ..rotor import harmonic_response, undamped_modes
+from ._pipe_forces import run_forces
 from ._suspension import Suspension, block_points, motion_at
 from ._wrench import Wrench, shaking_wrench, wrench_about
 
@@ -102,7 +103,9 @@ def harmonics(
 def orbit_load(
     compressor: Compressor, orbit: Orbit, suspension: Suspension, count: int
 ) -> Harmonics:
-    """Harmonics of the shaking wrench of a periodic state about the mass centre of the block.
+    """Harmonics of all that shakes a block in a periodic state, about its mass centre.
+
+    That is the shaking wrench of the moving parts, and the forces of the pipes that the block holds.
 
     Args:
         compressor: that the orbit was found for.
@@ -113,7 +116,19 @@ def orbit_load(
     wrench = shaking_wrench(compressor, orbit.state)
     # The weights are in angle, the harmonics in time: dt = d(angle)/speed.
     duration = orbit.weight / orbit.state.speed
-    return harmonics(suspension, wrench, orbit.time, duration, count)
+    load = harmonics(suspension, wrench, orbit.time, duration, count)
+    if not suspension.pipes:
+        return load
+    check_runs(compressor, suspension.pipes, "suspension.pipes")
+    of_runs = run_forces(compressor, orbit)
+    amplitude = load.amplitude
+    for pipe in suspension.pipes:
+        force = of_runs[pipe.run][:, 1 : 1 + count]
+        orders = force.shape[1]
+        arm = pipe.position - suspension.mass_centre
+        moment = jnp.cross(arm.astype(complex), force, axisb=0, axisc=0)
+        amplitude = amplitude.at[:, :orders].add(jnp.concatenate([force, moment]))
+    return Harmonics(amplitude, load.speed)
 
 
 def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:

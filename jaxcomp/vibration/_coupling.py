@@ -30,6 +30,7 @@ from ..motor import ConstantSpeed
 from ..rotor import ConstantLaw, LoadedFilm, PeriodicForce, RotorModel, SpeedTable, Unbalances
 from ..rotor._crankshaft_of_rotor import main_films
 from ._crank_forces import crank_forces
+from ._pipe_forces import pipe_loads
 
 if TYPE_CHECKING:
     from ..crank import Shooting
@@ -247,8 +248,10 @@ def crank_loads(
         compressor = without(compressor, left_out)
         orbit = solve_orbit(compressor, solver, throw=False)
         ok &= orbit.converged
-    forces = crank_forces(compressor, orbit, case.crank, tuple(dict.fromkeys((0, *orders))))
-    return CrankLoads(films, forces.forces, ok)
+    orders = tuple(dict.fromkeys((0, *orders)))
+    forces = crank_forces(compressor, orbit, case.crank, orders)
+    of_pipes = pipe_loads(compressor, orbit, case.pipes, orders)
+    return CrankLoads(films, (*forces.forces, *of_pipes), ok)
 
 
 def running_rotor(

@@ -64,6 +64,19 @@ class Spring(Part):
         return ConstantLaw(stiffness, damping)
 
 
+class PipePoint(Part):
+    """Point of the block on which the waves of pipes push by a run or a vessel.
+
+    Args:
+        run: name of the run or vessel, as `shaking` has it: its ends with a hyphen, such as "tee-line",
+            with "suction." or "discharge." before them where both lines have pipes.
+        position: [m] of a point on its axis, in the mechanism's axes from the mechanism's origin.
+    """
+
+    run: str = eqx.field(static=True)
+    position: Float[Array, "3"] = quantity("m", ANY, shape=(3,), doc="of a point on its axis")
+
+
 class Suspension(Part):
     """The suspended block: casing, stator and, at rest, everything that moves.
 
@@ -72,6 +85,7 @@ class Suspension(Part):
         inertia_x, inertia_y, inertia_z: [kg m^2] about the mass centre.
         springs: any number.
         mass_centre: [m] in the mechanism's axes from the mechanism's origin.
+        pipes: that are fixed to the block and push it, beside the moving parts.
     """
 
     kind: ClassVar[str] = "suspension"
@@ -86,6 +100,7 @@ class Suspension(Part):
     mass_centre: Float[Array, "3"] = quantity(
         "m", ANY, shape=(3,), default=(0.0, 0.0, 0.0), doc="from the mechanism's origin"
     )
+    pipes: tuple[PipePoint, ...] = ()
 
     @property
     def rotor(self) -> RotorModel:

@@ -21,6 +21,7 @@ from jaxcomp.piping import (
     impedances,
     line_limit,
     line_limit_of_approach_1,
+    lowest_resonances,
     network_of,
     pipe_gas,
     pressures_at_nodes,
@@ -412,3 +413,48 @@ def test_loop_and_stubs_against_finite_elements():
     assert np.median(np.abs(ratio - np.abs(COMSOL))) / peak < 0.01
     for place, value in ((10, 1.04986), (50, 0.74626), (100, 0.84546)):
         assert ratio[place // 5 - 1] == pytest.approx(value, rel=1e-4)
+
+
+def test_lowest_resonances_within_a_program():
+    """Those of the search up to a frequency, with their slopes; none where damping leaves no peak."""
+    network = network_of(straight(), AIR)
+    lowest = jax.jit(lambda network: lowest_resonances(network, AIR, 4))(network)
+    listed = resonances(network, AIR, 650.0)
+    # both end where Newton's method stands still
+    np.testing.assert_allclose(lowest.frequency, listed.frequency, rtol=1e-10)
+    np.testing.assert_allclose(lowest.quality, listed.quality, rtol=1e-8)
+
+    def parts(length):
+        lowest = lowest_resonances(network_of(straight(length=length), AIR), AIR, 2)
+        return jnp.concatenate([lowest.frequency, lowest.quality])
+
+    slopes = jax.jit(jax.jacrev(parts))(1.0)
+    difference = (parts(1.0 + 1e-4) - parts(1.0 - 1e-4)) / 2e-4
+    np.testing.assert_allclose(slopes, difference, rtol=1e-6)
+    damped = lowest_resonances(network_of(straight(attenuation=3.0), AIR), AIR, 2)
+    assert np.isinf(damped.frequency).all()
+
+
+def test_a_branched_network_has_as_many_resonances_as_its_length_tells():
+    """Two pipes behind a flange, both ended by the line or shut: 300 and 400 Hz need a bound of both."""
+    chain = (
+        Pipes(("flange", "line"), 0.5, 0.05, attenuation=0.0),
+        Pipes(("flange", "stub"), 0.7, 0.03, attenuation=0.0),
+    )
+    lowest = lowest_resonances(network_of(Piping(chain), AIR), AIR, 4)
+
+    # flows at the flange add up to nothing: A1 cot(k L1) = A2 tan(k L2)
+    def balance(frequency):
+        k = 2 * np.pi * frequency / C
+        areas = 0.05**2, 0.03**2
+        return areas[0] * np.cos(0.5 * k) * np.cos(0.7 * k) - areas[1] * np.sin(0.7 * k) * np.sin(
+            0.5 * k
+        )
+
+    optimize = pytest.importorskip("scipy.optimize")
+    grid = np.linspace(1.0, 1000.0, 2000)
+    roots = []
+    for low, high in itertools.pairwise(grid):
+        if balance(low) * balance(high) < 0:
+            roots.append(optimize.brentq(balance, low, high, xtol=1e-10))
+    np.testing.assert_allclose(lowest.frequency, roots[:4], rtol=1e-9)
