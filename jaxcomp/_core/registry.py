@@ -31,7 +31,7 @@ _WORDS = {
     "motor.losses": "a motor with losses",
     "gas.walls": "a cylinder with walls",
     "piping": "pipes ([gas.suction.piping] or [gas.discharge.piping])",
-    "piping.runs": "straight runs of pipe or vessels ([[gas.suction.piping.runs]], [[gas.suction.piping.vessels]])",
+    "piping.runs": "runs of pipe or vessels ([[gas.suction.piping.runs]] or [[...vessels]])",
     "simple_cycle": "a gas of type polytropic, double_acting or staged",
     "gas.inlet_temperature": "a simple cycle with an inlet_temperature",
     "gas.stages": "a gas of type staged",

@@ -283,7 +283,7 @@ class Cylinder(AbstractGas):
 
     @property
     def resonance_names(self) -> list[str]:
-        """Names of the lowest resonances of pipes: numbers, behind that of the line where both have any."""
+        """Names of the lowest resonances of pipes: numbers, behind their line's where both have pipes."""
         lines = {"suction": self.suction.piping, "discharge": self.discharge.piping}
         piped = [name for name, piping in lines.items() if piping is not None]
         numbers = range(1, NAMED_RESONANCES + 1)

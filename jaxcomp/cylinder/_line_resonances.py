@@ -81,7 +81,7 @@ def line_resonances(
 def named_resonances(
     cylinder: Cylinder, mechanism, speed: Float[Array, ""], count: int = 1
 ) -> dict[str, LineResonance]:
-    """The lowest resonances of all pipes by `Cylinder.resonance_names`, with derivatives, also within `jit`.
+    """The lowest resonances of all pipes by `Cylinder.resonance_names`, also within `jit`.
 
     Args:
         cylinder: gas, valves and lines.

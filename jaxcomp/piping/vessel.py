@@ -4,10 +4,10 @@ A wide pipe with end plates. Along it, from its first node to its last, the gas 
 
 $$F_n = A\,(p_b - p_a)_n,$$
 
-minus the rate of the gas's momentum in it, as for a run of pipe: so the forces of vessels and runs that lie
-behind each other add up to that on all of them. Where a pipe opens into a plate, the plate lacks its area,
-and that pipe the push at its end: in the sum both are right. A pipe at a node between the ends comes from
-the side.
+minus the rate of the gas's momentum in it, as for a run of pipe: so the forces of vessels and runs that
+lie behind each other add up to that on all of them. Where a pipe opens into a plate, the plate lacks its
+area, and that pipe the push at its end: in the sum both are right. A pipe at a node between the ends
+comes from the side.
 """
 
 from typing import ClassVar
@@ -29,7 +29,8 @@ class Vessel(Part):
         length: [m] from each node to the next.
         diameter: [m] inside.
         attenuation: [1/m] of waves, instead of the losses of the wall.
-        direction: [-] (3,) from its first node to its last, in the frame of the machine; along z if absent.
+        direction: [-] (3,) from its first node to its last, in the frame of the machine; along z if
+            absent.
 
     Raises:
         BadInput: fewer than two nodes, a node twice, lengths that are not one for each gap between nodes,

@@ -1,8 +1,8 @@
-"""Flows of a large double-acting compressor with ideal valves, which excite pipes: published, closed form.
+"""Flows of a large double-acting compressor with ideal valves, as they excite pipes.
 
-OpenPulse (github.com/open-pulse/OpenPulse, tests/data/compressor/flow/full_load): tables of the volume flow
-over a revolution, at the density of the gas before and behind the valves; means and amplitudes of orders 1
-to 4 by the trapezoidal rule.
+Published tables of the volume flow over a revolution, at the density of the gas before and behind the
+valves (OpenPulse, github.com/open-pulse/OpenPulse, tests/data/compressor/flow/full_load); their means and
+amplitudes of orders 1 to 4 are by the trapezoidal rule. And the closed form.
 """
 
 import jax

@@ -1,19 +1,30 @@
-"""Forces of waves on runs of pipe and vessels: by the gas's momentum, by end plates, and on what holds them.
+"""Forces of waves on runs of pipe and vessels: by momentum, by end plates, and on what holds them.
 
 The waves here are those that given flows make in a network; what a solved cycle makes of them stands in
 `test_piped_cycles.py`.
 """
+
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference_pipes import SPEED, crank, cylinder
 
-from jaxcomp import BadInput
+from jaxcomp import BadInput, Compressor, solve_orbit
+from jaxcomp.compressor import first_top
+from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Pulsation
+from jaxcomp.cylinder._panels import over_panels
+from jaxcomp.cylinder._pulsation import values_of
 from jaxcomp.cylinder._waves import Observed, waves_at_rest
 from jaxcomp.cylinder.interface import prepare
+from jaxcomp.gas import PolytropicCycle
+from jaxcomp.motor import ConstantSpeed, MeanSpeed
 from jaxcomp.piping import Orifice, Pipes, Piping, Run, Vessel
+from jaxcomp.rotor import LoadCase, PipeNode
+from jaxcomp.vibration import PipePoint, Suspension, orbit_load
+from jaxcomp.vibration._pipe_forces import pipe_loads, run_forces
 
 ORDERS = 8
 VESSEL = 0.2
@@ -121,3 +132,106 @@ def test_what_is_wrong_with_a_vessel_is_named(change, words):
 def test_a_force_has_one_name():
     with pytest.raises(BadInput, match="left-right is one force"):
         network(runs=(Run(("left", "right")),))
+
+
+def machine_with(gas, **changes):
+    """A machine whose first cylinder has its top dead centre at 40 degrees of the crank."""
+    shaft = Crankshaft(0.02, throws=(Throw([np.deg2rad(40.0)]),))
+    parts = {"mechanism": crank(), "crankshaft": shaft, "motor": ConstantSpeed(SPEED), "gas": gas}
+    return Compressor(**{**parts, **changes})
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    """A machine with a directed vessel, and a state of it with known waves."""
+    vessel = Vessel(("left", "side", "right"), [0.2, 0.3], VESSEL, direction=[3.0, 0.0, 4.0])
+    pulsation = pulsation_of(network(vessels=(vessel,)))
+    orbit = SimpleNamespace(cycle=SimpleNamespace(pulsation=pulsation))
+    return machine_with(pulsation.case.cylinder), orbit, pulsation
+
+
+def test_waves_push_a_node_of_the_rotor_at_their_time(pushed):
+    compressor, orbit, pulsation = pushed
+    orders = (0, 1, 2, 3, 8, 12)
+    at_node = (PipeNode("left-right", "crankcase"),)
+    (load,) = pipe_loads(compressor, orbit, at_node, orders)
+    assert load.node == "crankcase"
+    assert load.reaction is None
+    phase = np.linspace(0.0, 6.0, 7)
+    waves = phase[:, None] * np.array(orders)
+    of_node = np.cos(waves) @ load.cosine + np.sin(waves) @ load.sine
+    series = np.asarray(pulsation.shaking_series()["left-right"])
+    listed = [order for order in orders if 0 < order <= ORDERS]
+    # the crank at angle zero at W t = 0, and that is where the waves begin at constant speed
+    expected = series[0]
+    for order in listed:
+        turned = order * phase
+        expected = (
+            expected + series[order] * np.cos(turned) + series[ORDERS + order] * np.sin(turned)
+        )
+    np.testing.assert_allclose(of_node, expected[:, None] * [0.6, 0.0, 0.8], rtol=1e-9, atol=1e-12)
+
+
+def test_waves_push_and_turn_the_block(pushed):
+    compressor, orbit, pulsation = pushed
+    gas = PolytropicCycle(1e5, 4e5, 1.2, 0.04)
+    still = solve_orbit(machine_with(gas))
+    both = SimpleNamespace(
+        cycle=orbit.cycle,
+        state=still.state,
+        weight=still.weight,
+        time=still.time,
+    )
+    where = np.array([0.1, -0.2, 0.05])
+    centre = np.array([0.02, 0.0, 0.0])
+    block = Suspension(20.0, 0.1, 0.2, 0.3, (), centre)
+    holding = Suspension(20.0, 0.1, 0.2, 0.3, (), centre, (PipePoint("left-right", where),))
+    count = 5
+    difference = (
+        orbit_load(compressor, both, holding, count).amplitude
+        - orbit_load(compressor, both, block, count).amplitude
+    )
+    series = pulsation.shaking_series()["left-right"]
+    # the time of an orbit begins at the top dead centre of the first cylinder
+    time = np.linspace(0.0, 5.0, 9)
+    top = float(first_top(compressor))
+    assert top == pytest.approx(np.deg2rad(40.0), abs=1e-9)
+    orders = np.arange(1, count + 1)
+    of_block = np.real(difference @ np.exp(1j * orders[:, None] * time))
+    filtered = np.concatenate([[0.0], series[1 : 1 + count], series[1 + ORDERS :][:count]])
+    size = values_of(jnp.asarray(filtered), jnp.asarray(time + top))
+    force = np.outer([0.6, 0.0, 0.8], size)
+    moment = np.cross(where - centre, force.T).T
+    np.testing.assert_allclose(of_block, np.concatenate([force, moment]), rtol=1e-8, atol=1e-9)
+
+
+def test_loads_of_pipes_that_are_not_there_are_named(pushed):
+    compressor, orbit, _ = pushed
+    with pytest.raises(BadInput, match=r"loads\.pipes\.0\.run"):
+        pipe_loads(compressor, orbit, (PipeNode("left-write", "crankcase"),), (1,))
+    with pytest.raises(BadInput, match=r"loads\.crank"):
+        LoadCase(pipes=(PipeNode("left-right", "crankcase"),))
+
+
+# a minute of compilation
+@pytest.mark.slow
+def test_waves_of_an_uneven_revolution_have_the_time_of_the_orbit():
+    """At the flange the force on a run to the line is the area times the pressure that valves see."""
+    chain = (Pipes(("flange", "line"), 1.8, 0.05, attenuation=0.1),)
+    piping = Piping(chain, runs=(Run(("flange", "line")),), orders=16)
+    shaft = Crankshaft(0.01, throws=(Throw([np.deg2rad(40.0)]),))
+    motor = MeanSpeed(SPEED)
+    compressor = machine_with(cylinder(piping), crankshaft=shaft, motor=motor)
+    orbit = solve_orbit(compressor)
+    assert float(orbit.speed_fluctuation) > 0.1
+    cycle = orbit.cycle
+    edges = cycle.raw[1].edges
+    own_angle = orbit.state.angle + compressor.crankshaft.phase[0]
+    turned = edges[0] + jnp.mod(own_angle - edges[0], 2 * np.pi)
+    at_valves = over_panels(edges, cycle.flange_pressure[..., 0], turned) - 1e5
+    force = run_forces(compressor, orbit)["flange-line"][2]
+    orders = np.arange(force.size)
+    of_time = np.real(np.exp(1j * np.outer(orbit.mean_speed * orbit.time, orders)) @ force)
+    area = np.pi / 4 * 0.05**2
+    # by polynomials of degree 6 on the panels of the cycle
+    np.testing.assert_allclose(-of_time / area, at_valves, atol=2e-3 * float(jnp.max(at_valves)))
