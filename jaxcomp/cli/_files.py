@@ -35,7 +35,7 @@ _LONGEST = 120
 # What a new machine is; each has a file in `jaxcomp/scene/starts`.
 Kind = Literal[
     "slider-crank", "v-twin", "slider-link", "refrigeration", "blend", "semi-hermetic", "pipes",
-    "rotor",
+    "muffler", "rotor",
 ]  # fmt: skip
 
 

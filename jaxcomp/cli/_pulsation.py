@@ -22,6 +22,8 @@ from ._tables import row_table
 _HALF_RANGE = 0.5
 # [-] Distance of a resonance from an order below which API 618 asks for a closer look.
 _NEAR = 0.2
+# [-] Q beyond which the losses of a network say little about its pulsation: valves damp it, or nothing.
+_SHARP = 300.0
 
 
 def pulsation(
@@ -166,6 +168,8 @@ def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
     for resonance in result["resonances"]:
         met = ", ".join(f"{c['speed'] * RPM:.5g} ({c['order']})" for c in resonance["crossings"])
         near = "near" if resonance["margin"] < _NEAR else ""
+        if resonance["quality"] > _SHARP:
+            near = f"{near}, hardly damped".removeprefix(", ")
         margin = f"{100 * resonance['margin']:.3g} % of order {resonance['nearest_order']}"
         row = (
             resonance["number"],

@@ -150,8 +150,8 @@ def evaluate(
     system = system.with_waves(waves)
 
     def law(angle, state, flags):
-        rates = system.rates(angle, state, flags)
-        return rates.state, rates.events, system.observe(rates.streams)
+        rates, observed = system.observe(angle, state, flags)
+        return rates.state, rates.events, observed
 
     slopes, events, observed = at_points(law, mesh, z)
     panels = residual(system, mesh, z, slopes, events)

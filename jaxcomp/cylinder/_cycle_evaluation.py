@@ -89,7 +89,7 @@ def _pulsation(system: Cylinders, solution: CycleSolution) -> Pulsation | None:
     system = system.with_waves(solution.waves)
 
     def law(angle, state, flags):
-        return system.observe(system.rates(angle, state, flags).streams)
+        return system.observe(angle, state, flags)[1]
 
     observed = at_points(law, solution.mesh, solution.z)[:, :-1]
     flows = observed_harmonics(system, observed, harmonic_weights(system, solution.z))

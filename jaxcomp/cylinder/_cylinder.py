@@ -76,8 +76,8 @@ class Cylinder(AbstractGas):
     Raises:
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
             evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
-            a double-acting or staged cylinder; piping beside plenums of the same line, with quasi-steady
-            ports, with a crank end or stages; lines of a rating point between stages.
+            a double-acting or staged cylinder; piping with more than one flange behind plenums, with
+            quasi-steady ports, with a crank end or stages; lines of a rating point between stages.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -215,9 +215,10 @@ class Cylinder(AbstractGas):
                     f"absent with {entry}: pipes are solved for single-acting cylinders of a stage"
                 )
                 raise BadInput(f"{name}.piping", "given", bound)
-            if line.plenums:
-                bound = "absent beside `piping`: a vessel at the flange is one of `piping.volumes`"
-                raise BadInput(f"{name}.plenums", f"{len(line.plenums)} plenums", bound)
+            if line.plenums and len(line.piping.flanges) > 1:
+                bound = '"flange" of all cylinders where `plenums` stand between valves and pipes'
+                flanges = ", ".join(line.piping.flanges)
+                raise BadInput(f"{name}.piping.pipes", flanges, bound)
             for which, valve in (
                 ("suction", self.suction_valve),
                 ("discharge", self.discharge_valve),
@@ -755,7 +756,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
     )
 
 
-def side_of(state: GasState) -> Side:
+def side_of(state: GasState | Side) -> Side:
     """A gas as one side of a port."""
     kappa = state.kappa
     return Side(state.p, state.rho, kappa, state.h, critical_ratio(kappa))

@@ -29,7 +29,7 @@ from ._gas_balance import (
     rates,
 )
 from ._piston_end import PistonEnd
-from ._plenum import PER_PLENUM, chain_rates, chains, first_states
+from ._plenum import PER_PLENUM, chain_rates, chains, first_states, line_streams
 from ._quadrature import harmonics, machine_time
 from ._rings import with_ring_flow
 from ._waves import (
@@ -153,8 +153,12 @@ class Cylinders(eqx.Module):
             speed: [rad/s] of the crank, for rates in time.
         """
         states, plenums = self.parted(state)
-        pair = chains(self.shared, plenums) if plenums.size else None
         pressures = [] if self.waves is None else [self.flange_pressures(angle)]
+        pair = None
+        if plenums.size:
+            # all share the flange that plenums stand at
+            lines = self.sides(self.shared, pressures[0][0]) if pressures else None
+            pair = chains(self.shared, plenums, lines)
 
         def cylinder_rates(case, angle, state, flags, *pressures):
             lines = self.sides(case, pressures[0]) if pressures else None
@@ -334,24 +338,43 @@ class Cylinders(eqx.Module):
 
         return self.each(at_flanges, pressures)
 
-    def observation(self) -> np.ndarray:
-        """From the streams of all cylinders to the flows of all flanges, and heats where they count."""
+    def observation(self) -> tuple[np.ndarray, np.ndarray]:
+        """To the flows of all flanges, and heats where they count.
+
+        Returns:
+            (o, 6 k) from the streams of all cylinders, and (o, 4) from those between plenums and lines.
+        """
         rows = []
+        rows_of_plenums = []
         cylinder = self.cases.cylinder
         for side, flanges in zip(self.piped_sides, self._flanges, strict=True):
-            for flange in range(flanges.max() + 1):
-                row = np.zeros((self.count, STREAMS))
-                row[flanges == flange, 2 * side] = 1
-                rows.append(row.ravel())
+            has_plenums = bool((cylinder.suction, cylinder.discharge)[side].plenums)
+            # flows of all flanges, then the heat
+            columns = [(flanges == flange, 2 * side) for flange in range(flanges.max() + 1)]
             if has_own_temperature(cylinder, side):
+                columns.append((flanges >= 0, 2 * side + 1))
+            for cylinders, column in columns:
                 row = np.zeros((self.count, STREAMS))
-                row[:, 2 * side + 1] = 1
+                row_of_plenums = np.zeros(4)
+                if has_plenums:
+                    row_of_plenums[column] = 1
+                else:
+                    row[cylinders, column] = 1
                 rows.append(row.ravel())
-        return np.stack(rows)
+                rows_of_plenums.append(row_of_plenums)
+        return np.stack(rows), np.stack(rows_of_plenums)
 
-    def observe(self, streams: Float[Array, "k 6"]) -> Float[Array, " o"]:
-        """Flows [kg/s] through all flanges, with the heat [W] of each network whose gas it warms."""
-        return jnp.asarray(self.observation()) @ streams.ravel()
+    def observe(self, angle, state, flags) -> tuple[Rates, Float[Array, " o"]]:
+        """Rates, and flows [kg/s] through all flanges with the heat [W] of each network that it warms."""
+        at = self.rates(angle, state, flags)
+        of_valves, of_plenums = map(jnp.asarray, self.observation())
+        observed = of_valves @ at.streams.ravel()
+        _, plenums = self.parted(state)
+        if plenums.size:
+            lines = self.sides(self.shared, self.flange_pressures(angle)[0])
+            pair = chains(self.shared, plenums, lines)
+            observed = observed + of_plenums @ line_streams(self.shared, pair)
+        return at, observed
 
     def of_sides(self, harmonics: Float[Array, "o h"]) -> tuple[Observed, ...]:
         """Harmonics of what `observe` gives, for each network."""
@@ -387,9 +410,11 @@ class Cylinders(eqx.Module):
 
     def jacobian_at_flanges(self, angle, state, flags) -> FlangeJacobian:
         """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""
-        states, _ = self.parted(state)
+        states, plenums = self.parted(state)
         m = self.stride
         k = self.count
+        q = plenums.size
+        shared = self.shared
         tau, pace = self._time(angle)
         basis = harmonics(tau, self.orders)
         waves = [side.pressure for side in self._piped_waves]
@@ -398,18 +423,21 @@ class Cylinders(eqx.Module):
 
         def cylinder_slopes(case, angle, state, flags, pressures):
             def law(packed, gas):
-                sides = self.sides(case, packed[1 + m :])
-                cylinder_rates = rates(case, packed[0], packed[1 : 1 + m], flags, gas, lines=sides)
+                sides = self.sides(case, packed[1 + m + q :])
+                pair = chains(shared, packed[1 + m : 1 + m + q], sides) if q else None
+                cylinder_rates = rates(
+                    case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair, lines=sides
+                )
                 return jnp.concatenate(
                     [cylinder_rates.state, cylinder_rates.events, cylinder_rates.streams]
                 )
 
-            packed = jnp.concatenate([angle[None], state, pressures])
+            packed = jnp.concatenate([angle[None], state, plenums, pressures])
             return in_angle_and_state(case, law, packed)
 
         flags = flags.reshape(-1, FLAGS)
         values, slopes = self.each(cylinder_slopes, self.own_angle(angle), states, flags, pressures)
-        of_pressures = slopes[:, :, 1 + m :]
+        of_pressures = slopes[:, :, 1 + m + q :]
         by_angle = slopes[:, :, 0] + jnp.einsum("krl,kl->kr", of_pressures, pressures_1)
 
         def among_all(rows: Float[Array, "k r c"]):
@@ -419,26 +447,85 @@ class Cylinders(eqx.Module):
             wide = jnp.zeros((k, rows.shape[1], k, width)).at[diagonal, :, diagonal].set(rows)
             return wide.reshape(k * rows.shape[1], k * width)
 
+        def among_states(rows: Float[Array, "k r c"]):
+            """The same of own states, with the columns of the plenums behind them."""
+            of_cylinders = among_all(rows[:, :, 1 : 1 + m])
+            if not q:
+                return of_cylinders
+            of_plenums = rows[:, :, 1 + m : 1 + m + q].reshape(-1, q)
+            return jnp.concatenate([of_cylinders, of_plenums], axis=1)
+
         parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
         state_1, events, streams = (values[:, part].ravel() for part in parts)
         by_state, events_by_state, streams_by_state = (
-            among_all(slopes[:, part, 1 : 1 + m]) for part in parts
+            among_states(slopes[:, part]) for part in parts
         )
         by_pressure, events_by_pressure, streams_by_pressure = (
             among_all(of_pressures[:, part]) for part in parts
         )
         turned, events_turned, streams_turned = (by_angle[:, part].ravel() for part in parts)
-        observation = jnp.asarray(self.observation())
+        of_valves, of_necks = map(jnp.asarray, self.observation())
+        at_valves = [streams, streams_turned, streams_by_state, streams_by_pressure]
+        observed = of_valves @ jnp.column_stack(at_valves)
+        if q:
+            of_flange = pressures[0], pressures_1[0]
+            chain, necks = self._plenum_slopes(angle, plenums, of_flange, at_valves)
+            observed = observed + of_necks @ necks
+            n = by_state.shape[1]
+            state_1 = jnp.concatenate([state_1, chain[:, 0]])
+            turned = jnp.concatenate([turned, chain[:, 1]])
+            by_state = jnp.concatenate([by_state, chain[:, 2 : 2 + n]])
+            by_pressure = jnp.concatenate([by_pressure, chain[:, 2 + n :]])
+        n = by_state.shape[1]
         return FlangeJacobian(
             panels=((state_1, events), (by_state, turned), (events_by_state, events_turned)),
             state_by_pressure=by_pressure,
             events_by_pressure=events_by_pressure,
-            observed=observation @ streams,
-            observed_by_state=observation @ streams_by_state,
-            observed_by_angle=observation @ streams_turned,
-            observed_by_pressure=observation @ streams_by_pressure,
+            observed=observed[:, 0],
+            observed_by_state=observed[:, 2 : 2 + n],
+            observed_by_angle=observed[:, 1],
+            observed_by_pressure=observed[:, 2 + n :],
             basis=self._columns_of(basis),
         )
+
+    def _plenum_slopes(self, angle, plenums, pressures, valve_slopes):
+        """Rates of the plenums, and what flows between them and the lines, with all derivatives.
+
+        Args:
+            angle: [rad] of the crank.
+            plenums: (q,) their states.
+            pressures: (l,) at their flange over those of the lines, and what they change by over the
+                angle.
+            valve_slopes: streams of all valves (6 k,), their slopes in the angle (6 k,), in all n states
+                (6 k, n) and in all pressures (6 k, c).
+
+        Returns:
+            (q, 2 + n + c) and (4, 2 + n + c): values, then slopes in the angle, states and pressures.
+        """
+        k = self.count
+        shared = self.shared
+        streams, *slopes = valve_slopes
+        total = jnp.sum(streams.reshape(k, STREAMS), axis=0)
+        own_angle = self.own_angle(angle)[0]
+
+        def of_plenums(angle, plenums, streams, pressures):
+            pair = chains(shared, plenums, self.sides(shared, pressures))
+            of_chains = chain_rates(shared, pair, plenums, streams, shared.speed_at(angle))
+            both = jnp.concatenate([of_chains, line_streams(shared, pair)])
+            return both, both
+
+        at = own_angle, plenums, total, pressures[0]
+        of_own, values = jax.jacfwd(of_plenums, (0, 1, 2, 3), has_aux=True)(*at)
+        with_angle, with_plenums, with_streams, with_pressures = of_own
+        turned, by_state, by_pressure = (
+            with_streams @ jnp.sum(part.reshape(k, STREAMS, -1), axis=0) for part in slopes
+        )
+        turned = turned[:, 0] + with_angle + with_pressures @ pressures[1]
+        by_state = by_state.at[:, -plenums.size :].add(with_plenums)
+        # pressures of the first cylinder are those of the flange
+        by_pressure = by_pressure.at[:, : with_pressures.shape[1]].add(with_pressures)
+        rows = jnp.column_stack([values, turned, by_state, by_pressure])
+        return rows[: plenums.size], rows[plenums.size :]
 
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
         """A guess of states and branches."""

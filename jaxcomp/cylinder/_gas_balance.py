@@ -146,7 +146,7 @@ def rates(
     cylinder = case.cylinder
     inside = side_of(gas)
     flanges = case.lines if lines is None else lines
-    before, behind = map(side_of, valve_sides(pair)) if pair else flanges
+    before, behind = _sides_at_valves(pair, flanges, lines is not None) if pair else flanges
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
     # correlations with negative powers of the speed have no value at rest
@@ -200,6 +200,18 @@ def rates(
         valves.force,
         inside.p,
         jnp.concatenate([through, jnp.stack(to_plenums)]),
+    )
+
+
+def _sides_at_valves(pair: tuple[PlenumChain, PlenumChain], flanges, are_piped: bool):
+    """The gas before the suction and behind the discharge valve, where either line may have plenums."""
+    sides = tuple(map(side_of, valve_sides(pair)))
+    if not are_piped:
+        return sides
+    # a cylinder without plenums of a line has a flange of its own
+    return tuple(
+        side if chain.plenums else flange
+        for side, chain, flange in zip(sides, pair, flanges, strict=True)
     )
 
 

@@ -26,7 +26,8 @@ class SuctionLine(Part):
         warming: a law of that rise, which the periodic state closes; `heating` is then where that begins.
         plenums: between line and valve, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the gas of the line.
-        piping: pipes between that line and the valves; its pressure is constant if absent.
+        piping: pipes between that line and the valves, or the first of the plenums; its pressure is
+            constant if absent.
 
     Raises:
         ValueError: neither or both of a pair.
@@ -88,7 +89,8 @@ class DischargeLine(Part):
         liquid_temperature: [K] of that liquid, instead of the subcooling.
         plenums: between valve and line, in the order of the flow; each with its neck on the side of the
             line. Without any the valve sees the pressure of the line.
-        piping: pipes between the valves and that line; its pressure is constant if absent.
+        piping: pipes between the valves, or the last of the plenums, and that line; its pressure is
+            constant if absent.
 
     Raises:
         ValueError: neither or both of pressure and condensing temperature, or two temperatures of the

@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState
+from ..valve.interface import Side
 
 PER_PLENUM = 3  # states: mass, temperature, and flow in the neck
 _MIXED = 0.2  # [-] of the flow of a full cylinder: flow in a neck below which both sides mix
@@ -69,7 +70,7 @@ class PlenumChain(NamedTuple):
     plenums: tuple[Plenum, ...]
     gases: tuple[GasState, ...]  # [-] the gas in each
     flows: tuple[Float[Array, ""], ...]  # [kg/s] through each neck, in the order of the flow
-    nodes: tuple[GasState, ...]  # gases before and behind every neck, the line with them
+    nodes: tuple[GasState | Side, ...]  # gases before and behind every neck, the line with them
     inward: bool  # whether the necks stand before their plenums
 
 
@@ -90,8 +91,17 @@ def chain_scales(case) -> Scales:
     return Scales(tuple(mass), case.suction.T, case.mass_scale * case.speed / (2 * jnp.pi))
 
 
-def chains(case, state: Float[Array, " 3p"]) -> tuple[PlenumChain, PlenumChain]:
-    """Both chains with their gases, from the states of all plenums."""
+def chains(
+    case, state: Float[Array, " 3p"], lines: tuple[Side, Side] | None = None
+) -> tuple[PlenumChain, PlenumChain]:
+    """Both chains with their gases, from the states of all plenums.
+
+    Args:
+        case: cylinder and lines.
+        state: (3 p,) over its scales.
+        lines: the gas at the flanges, where pipes let it swing; that of the case if absent.
+    """
+    line_before, line_behind = (case.suction, case.discharge) if lines is None else lines
     scales = chain_scales(case)
     fluid = case.cylinder.fluid
     suction = case.cylinder.suction.plenums
@@ -106,14 +116,33 @@ def chains(case, state: Float[Array, " 3p"]) -> tuple[PlenumChain, PlenumChain]:
     before = tuple(gases[:cut])
     behind = tuple(gases[cut:])
     return (
-        PlenumChain(suction, before, tuple(flows[:cut]), (case.suction, *before), True),
-        PlenumChain(discharge, behind, tuple(flows[cut:]), (*behind, case.discharge), False),
+        PlenumChain(suction, before, tuple(flows[:cut]), (line_before, *before), True),
+        PlenumChain(discharge, behind, tuple(flows[cut:]), (*behind, line_behind), False),
     )
 
 
-def valve_sides(pair: tuple[PlenumChain, PlenumChain]) -> tuple[GasState, GasState]:
+def valve_sides(pair: tuple[PlenumChain, PlenumChain]) -> tuple[GasState | Side, GasState | Side]:
     """The gas before the suction valves and behind the discharge valves."""
     return pair[0].nodes[-1], pair[1].nodes[0]
+
+
+def line_streams(case, pair: tuple[PlenumChain, PlenumChain]) -> Float[Array, " 4"]:
+    """Mass flow [kg/s] and enthalpy with it [W] between plenums and line, of suction, then of discharge.
+
+    None where a line has no plenums: what passes the valves is what passes there.
+    """
+    least = _MIXED * chain_scales(case).flow
+    streams = []
+    for chain in pair:
+        if not chain.plenums:
+            streams += [jnp.zeros(()), jnp.zeros(())]
+            continue
+        # the neck at the line, and the gases on both sides of it
+        flow = chain.flows[0] if chain.inward else chain.flows[-1]
+        gases = chain.nodes[:2] if chain.inward else chain.nodes[-2:]
+        gas = _mixed(flow / jnp.sqrt(flow**2 + least**2), *gases)
+        streams += [flow, flow * gas.h]
+    return jnp.stack(streams)
 
 
 def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[Array, " 3p"]:
@@ -191,7 +220,7 @@ def _gas(fluid: AbstractFluid, plenum: Plenum, mass, T) -> GasState:
     return fluid.state(T, maximum(mass / plenum.volume, 1e-9))
 
 
-def _mixed(forward, a: GasState, b: GasState) -> "_Carried":
+def _mixed(forward, a: GasState | Side, b: GasState | Side) -> "_Carried":
     def mix(x, y):
         return 0.5 * ((1 + forward) * x + (1 - forward) * y)
 

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
 from .._core.extremes import max_of, maximum, min_of
@@ -312,25 +312,32 @@ class Pulsation(Result, eqx.Module):
 
         The cycle behind is solved all the same: `linear_error` estimates by how much its flow is off.
         """
-        status = Status.where(self.mach > FAST, Status.fast_flow, Status.converged)
-        return Status.where(self.largest > LARGE, Status.large_pulsation, status)
+        status = Status.converged
+        # what stands last says most
+        for outcome, exceeds in reversed(self._beyond().items()):
+            status = Status.where(exceeds, getattr(Status, outcome), status)
+        return status
+
+    def _beyond(self) -> dict[str, Bool[Array, ""]]:
+        """Whether the waves are beyond each range of their equations, the worst of them first."""
+        return {"large_pulsation": self.largest > LARGE, "fast_flow": self.mach > FAST}
 
     @property
     def remarks(self) -> list[str]:
         """Where the model is beyond its range, in words; values only."""
+        beyond = {
+            "large_pulsation": (
+                f"{float(self.largest):.0%} peak to peak at a flange; waves are linear here, which "
+                f"may err by {float(self.linear_error):.1%} of the flow"
+            ),
+            "fast_flow": (
+                f"Mach {float(self.mach):.2f} in a pipe; mean flow does not carry waves here"
+            ),
+        }
         words = []
-        largest = float(self.largest)
-        if largest > LARGE:
-            error = float(self.linear_error)
-            words.append(
-                f"large_pulsation: {largest:.0%} peak to peak at a flange; waves are linear here, which "
-                f"may err by {error:.1%} of the flow"
-            )
-        mach = float(self.mach)
-        if mach > FAST:
-            words.append(
-                f"fast_flow: Mach {mach:.2f} in a pipe; mean flow does not carry waves here"
-            )
+        for outcome, exceeds in self._beyond().items():
+            if bool(exceeds):
+                words.append(f"{outcome}: {beyond[outcome]}")
         highest = self._highest_plane()
         orders = self.flows[0].heat.size // 2
         if highest < orders:
@@ -338,7 +345,20 @@ class Pulsation(Result, eqx.Module):
                 f"beyond_plane_waves: from order {highest + 1} on waves across the widest pipe are "
                 "possible, which are left out"
             )
-        return words
+        return [*words, *self._doubled()]
+
+    def _doubled(self) -> Iterator[str]:
+        """Remarks on volumes at a flange behind plenums, which may be one and the same."""
+        cylinder = self.case.cylinder
+        for side, line, _ in self.lines:
+            plenums = (cylinder.suction, cylinder.discharge)[side].plenums
+            if plenums and any(
+                volume.node in line.piping.flanges for volume in line.piping.volumes
+            ):
+                yield (
+                    f"doubled_volume: the {LINES[side]} line has plenums and a volume at the flange, "
+                    "right behind their neck; take one away if they are the same"
+                )
 
     def _highest_plane(self) -> int:
         """Highest order at which waves in all pipes are plane."""

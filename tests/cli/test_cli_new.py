@@ -31,7 +31,7 @@ def invoke(*arguments):
 
 def test_there_is_a_start_for_both_mechanisms_several_cylinders_and_a_rotor():
     assert sorted(KINDS) == [
-        "blend", "pipes", "refrigeration", "rotor", "semi-hermetic",
+        "blend", "muffler", "pipes", "refrigeration", "rotor", "semi-hermetic",
         "slider-crank", "slider-link", "v-twin",
     ]  # fmt: skip
     assert KINDS[0] == "slider-crank"

@@ -1,0 +1,185 @@
+"""Plenums between pipes and valves: by differences, in limits, and against pipes alone."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference_pipes import AIR, SPEED, crank, cylinder, suction_pipe, valves
+
+from jaxcomp import BadInput, Status
+from jaxcomp._core.each import stacked
+from jaxcomp.cylinder import Cylinder, DischargeLine, Plenum, SuctionLine, solve_cycle
+from jaxcomp.cylinder._waves import SideWaves
+from jaxcomp.cylinder.interface import Cylinders, prepare
+from jaxcomp.piping import Orifice, Pipes, Piping, Volume
+
+BOTTLE = Plenum(0.002, 0.1, 0.025, 0.0)
+
+
+def machine(suction=None, discharge=None, before=(), behind=()):
+    """The machine with networks and plenums in its lines."""
+    return Cylinder(
+        AIR,
+        SuctionLine(pressure=1e5, temperature=300.0, piping=suction, plenums=before),
+        DischargeLine(pressure=4e5, temperature=445.8, piping=discharge, plenums=behind),
+        *valves(),
+        clearance_ratio=0.04,
+    )
+
+
+def delivery(count):
+    """A discharge pipe whose gas has the temperature of what is delivered."""
+    numbers = [""] if count == 1 else [f"-{number}" for number in range(1, count + 1)]
+    pipes = [Pipes((f"flange{number}", "tee"), 0.5, 0.03) for number in numbers]
+    pipes.append(Pipes(("tee", "line"), 0.7, 0.03))
+    return Piping(tuple(pipes), orders=6)
+
+
+def system_and_point(count, behind=(BOTTLE,)):
+    """Cylinders behind plenums and pipes, and a point of their law that solves nothing."""
+    gas = machine(suction_pipe(1.8, orders=6), delivery(1 if behind else count), (BOTTLE,), behind)
+    phase = jnp.linspace(0.0, 2.0, count)
+    cases = stacked([prepare(gas, crank(), SPEED)] * count)
+    if count == 1:
+        cases = jax.tree.map(lambda leaf: leaf[0], cases)
+    rng = np.random.default_rng(2)
+    sides = []
+    for flanges, temperatures in ((1, 0), (1 if behind else count, 1)):
+        pressure = 0.01 * rng.normal(size=(flanges, 13))
+        rough = np.ones((2, 0 if temperatures == 0 else 1 + flanges))
+        waves = SideWaves(
+            jnp.asarray(pressure), jnp.zeros((0, 13)), jnp.ones(temperatures), jnp.asarray(rough)
+        )
+        sides.append(waves)
+    system = Cylinders(cases, phase).with_waves((sides[0], sides[1]))
+    state, flags = system.initial(0.3)
+    state = state * (1 + 0.03 * jnp.asarray(rng.normal(size=state.size)))
+    # suction valves on their way, so that gas flows
+    flags = flags.reshape(count, 6).at[:, 0].set(1).ravel()
+    columns = jnp.asarray(system.columns(2, 3, 4))
+    moving = jnp.tile(jnp.array([0.4, 0.1, 0.05]), count)
+    state = state.at[columns].set(moving)
+    return system, jnp.asarray(0.3), state, flags
+
+
+@pytest.mark.parametrize(
+    ("count", "behind"),
+    [(1, (BOTTLE,)), (2, (BOTTLE,)), (2, ())],
+    ids=["one", "two", "two with flanges of their own"],
+)
+def test_slopes_of_the_law_behind_plenums_and_pipes(count, behind):
+    """Those that Newton's method puts together, against those of the law as a whole."""
+    system, angle, state, flags = system_and_point(count, behind)
+    rows = eqx.filter_jit(Cylinders.jacobian_at_flanges)(system, angle, state, flags)
+
+    def law(angle, state, pressures):
+        sides = []
+        for side, change in zip(system.waves, pressures, strict=True):
+            sides.append(side._replace(pressure=side.pressure + change))
+        moved = system.with_waves((sides[0], sides[1]))
+        at, observed = moved.observe(angle, state, flags)
+        return at.state, at.events, observed
+
+    none = [jnp.zeros_like(side.pressure) for side in system.waves]
+    values = law(angle, state, none)
+    slopes = eqx.filter_jit(jax.jacfwd(law, (0, 1, 2)))(angle, state, none)
+    (state_1, events), (by_state, turned), (events_by_state, events_turned) = rows.panels
+    together = (
+        (state_1, turned, by_state, rows.state_by_pressure),
+        (events, events_turned, events_by_state, rows.events_by_pressure),
+        (
+            rows.observed,
+            rows.observed_by_angle,
+            rows.observed_by_state,
+            rows.observed_by_pressure,
+        ),
+    )
+    for value, slope, parts in zip(values, slopes, together, strict=True):
+        np.testing.assert_allclose(parts[0], value, rtol=1e-12, atol=1e-14)
+        by_waves = np.concatenate(
+            [np.asarray(part).reshape(value.size, -1) for part in slope[2]], 1
+        )
+        for own, whole in zip(
+            (*parts[1:3], parts[3] @ rows.basis), (*slope[:2], by_waves), strict=True
+        ):
+            scale = np.abs(whole).max() + 1e-30
+            np.testing.assert_allclose(own, whole, rtol=1e-9, atol=1e-12 * scale)
+    assert np.abs(rows.observed[0]) > 0
+
+
+def test_plenums_share_one_flange():
+    laterals = Piping(
+        (Pipes(("flange-1", "tee", "line"), 0.4, 0.04), Pipes(("flange-2", "tee"), 0.4, 0.04))
+    )
+    with pytest.raises(BadInput, match=r"suction\.piping\.pipes"):
+        machine(laterals, before=(BOTTLE,))
+    machine(discharge=laterals, before=(BOTTLE,))
+
+
+def solved(gas):
+    cycle = solve_cycle(gas, crank(), SPEED)
+    assert cycle.status == Status.converged
+    assert abs(float(cycle.energy_closure)) < 1e-9
+    assert abs(float(cycle.mass_closure)) < 1e-9
+    return cycle
+
+
+# a program of its own for every network, each with a minute of compilation on two busy cores
+@pytest.mark.slow
+def test_a_short_pipe_behind_plenums_is_none():
+    # 1 mm of a pipe 0.2 m wide: an inertance of 0.03 1/m beside 200 1/m of the neck
+    short = Piping((Pipes(("flange", "line"), 1e-3, 0.2, attenuation=0.0),), orders=16)
+    piped = solved(machine(short, before=(BOTTLE,)))
+    alone = solved(machine(before=(BOTTLE,)))
+    # the inertance changes the neck's by 1.6e-4, and that the flow by a hundredth of it
+    for name in ("indicated_work", "volumetric_efficiency"):
+        assert float(getattr(piped, name)) == pytest.approx(float(getattr(alone, name)), rel=1e-5)
+    assert float(piped.pulsation.largest) < 1e-3
+
+
+@pytest.mark.slow
+def test_a_plenum_before_a_pipe_is_a_volume_with_a_neck():
+    """A network that is all pipes, but for what is linear there and has no length here."""
+    chain = (
+        Pipes(("flange", "neck"), 0.1, 0.025, attenuation=0.0),
+        Pipes(("neck", "far"), 1.2, 0.05, attenuation=0.02),
+    )
+    hole = (Orifice(("far", "line"), resistance=9000.0),)
+    lumps = solved(machine(suction_pipe(1.2), before=(BOTTLE,)))
+    pipes = solved(cylinder(Piping(chain, (Volume("flange", 0.002),), hole)))
+    for name in ("indicated_work", "volumetric_efficiency"):
+        assert float(getattr(lumps, name)) == pytest.approx(float(getattr(pipes, name)), rel=5e-4)
+    spectra = lumps.pulsation.spectra()["flange"], pipes.pulsation.spectra()["neck"]
+    largest = float(jnp.max(spectra[1]))
+    # as for volume and neck alone: pulsation is 1.3 % higher in a plenum
+    np.testing.assert_allclose(spectra[0][:6], spectra[1][:6], atol=0.03 * largest)
+
+
+@pytest.mark.slow
+def test_derivatives_of_a_cycle_between_plenums_and_pipes():
+    def figures(numbers):
+        length, volume, neck, speed = numbers
+        before = (Plenum(volume, 0.05, neck, 1.5),)
+        behind = (Plenum(2e-4, 0.04, 0.015, 1.5),)
+        pipes = (Pipes(("flange", "line"), length, 0.04, attenuation=0.05),)
+        discharge = (Pipes(("flange", "line"), 0.8, 0.03, attenuation=0.05),)
+        gas = machine(Piping(pipes, orders=24), Piping(discharge, orders=24), before, behind)
+        cycle = solve_cycle(gas, crank(), speed)
+        pulsation = cycle.pulsation
+        return jnp.stack(
+            [
+                cycle.indicated_work,
+                cycle.volumetric_efficiency,
+                pulsation.pressures["suction.flange.order_1"],
+                pulsation.pressures["discharge.flange.order_1"],
+            ]
+        )
+
+    point = jnp.array([1.0, 5e-4, 0.02, SPEED])
+    slopes = jax.jacfwd(figures)(point)
+    for place in range(point.size):
+        step = jnp.zeros(point.size).at[place].set(1e-5 * point[place])
+        difference = (figures(point + step) - figures(point - step)) / (2e-5 * point[place])
+        # values of a difference move by 1e-10 with the panels that are laid after marches of their own
+        np.testing.assert_allclose(slopes[:, place], difference, rtol=2e-4)
