@@ -77,7 +77,7 @@ class Cylinder(AbstractGas):
         BadInput: a line outside the range of its fluid: the condensing temperature must lie between the
             evaporating and the critical one, gas above its dew temperature and liquid below it; walls of
             a double-acting or staged cylinder; piping with more than one flange behind plenums, with
-            quasi-steady ports, with a crank end or stages; lines of a rating point between stages.
+            quasi-steady ports or with stages; lines of a rating point between stages.
         ValueError: heat transfer without a wall temperature, walls without heat transfer, or a
             conductance to a plenum that is not there.
     """
@@ -210,10 +210,8 @@ class Cylinder(AbstractGas):
         for name, line in (("suction", self.suction), ("discharge", self.discharge)):
             if line.piping is None:
                 continue
-            for entry in self.entries_of_ends():
-                bound = (
-                    f"absent with {entry}: pipes are solved for single-acting cylinders of a stage"
-                )
+            if self.later_stages:
+                bound = "absent with later_stages: pipes are solved for the cylinders of one stage"
                 raise BadInput(f"{name}.piping", "given", bound)
             if line.plenums and len(line.piping.flanges) > 1:
                 bound = '"flange" of all cylinders where `plenums` stand between valves and pipes'

@@ -195,6 +195,23 @@ class Cylinders(eqx.Module):
 
         return self.each(ring_flow, own_angle, states, gases, behind)
 
+    def _slopes_between_ends(
+        self, angle, states: Float[Array, "k m"]
+    ) -> tuple[Float[Array, " 2k"], Float[Array, " 2k"], Float[Array, "2k km"]]:
+        """Rates of masses and temperatures by gas past the rings, with slopes in the angle and states."""
+
+        def between(angle, states):
+            ring_rates = self._between_ends(angle, states)[0]
+            return ring_rates, ring_rates
+
+        slopes = jax.jacfwd(between, (0, 1), has_aux=True)(angle, states)
+        (with_angle, with_states), ring_rates = slopes
+        return (
+            ring_rates.ravel(),
+            with_angle.ravel(),
+            with_states.reshape(2 * self.count, states.size),
+        )
+
     def jacobian(self, angle, state, flags):
         """Rates over the crank angle and event functions, with their derivatives in state and angle.
 
@@ -237,19 +254,11 @@ class Cylinders(eqx.Module):
 
         by_state, by_angle = among_all(of_state)
         if self.leaks_between:
-
-            def between(angle, states):
-                ring_rates = self._between_ends(angle, states)[0]
-                return ring_rates, ring_rates
-
-            slopes = jax.jacfwd(between, (0, 1), has_aux=True)(angle, states)
-            (with_angle, with_own), ring_rates = slopes
             rows = self.columns(0, 1)
-            state_1 = state_1.at[:, :2].add(ring_rates)
-            by_angle = by_angle.at[rows].add(with_angle.ravel())
-            columns = np.arange(k * m)
-            blocks = with_own.reshape(2 * k, k * m)
-            by_state = by_state.at[rows[:, None], columns].add(blocks)
+            ring_rates, with_angle, with_states = self._slopes_between_ends(angle, states)
+            state_1 = state_1.at[:, :2].add(ring_rates.reshape(k, 2))
+            by_angle = by_angle.at[rows].add(with_angle)
+            by_state = by_state.at[rows[:, None], np.arange(k * m)].add(with_states)
         if q:
 
             def of_plenums(angle, plenums, streams):
@@ -464,19 +473,19 @@ class Cylinders(eqx.Module):
             among_all(of_pressures[:, part]) for part in parts
         )
         turned, events_turned, streams_turned = (by_angle[:, part].ravel() for part in parts)
+        of_states = [state_1, turned, by_state, by_pressure]
+        of_streams = [streams, streams_turned, streams_by_state, streams_by_pressure]
+        if self.leaks_between:
+            of_states = self._with_ring_flows(angle, states, of_states)
         of_valves, of_necks = map(jnp.asarray, self.observation())
-        at_valves = [streams, streams_turned, streams_by_state, streams_by_pressure]
-        observed = of_valves @ jnp.column_stack(at_valves)
+        observed = of_valves @ jnp.column_stack(of_streams)
         if q:
             of_flange = pressures[0], pressures_1[0]
-            chain, necks = self._plenum_slopes(angle, plenums, of_flange, at_valves)
+            of_chains, necks = self._plenum_slopes(angle, plenums, of_flange, of_streams)
             observed = observed + of_necks @ necks
-            n = by_state.shape[1]
-            state_1 = jnp.concatenate([state_1, chain[:, 0]])
-            turned = jnp.concatenate([turned, chain[:, 1]])
-            by_state = jnp.concatenate([by_state, chain[:, 2 : 2 + n]])
-            by_pressure = jnp.concatenate([by_pressure, chain[:, 2 + n :]])
-        n = by_state.shape[1]
+            of_states = [jnp.concatenate(both) for both in zip(of_states, of_chains, strict=True)]
+        state_1, turned, by_state, by_pressure = of_states
+        n = state_1.size
         return FlangeJacobian(
             panels=((state_1, events), (by_state, turned), (events_by_state, events_turned)),
             state_by_pressure=by_pressure,
@@ -487,6 +496,19 @@ class Cylinders(eqx.Module):
             observed_by_pressure=observed[:, 2 + n :],
             basis=self._columns_of(basis),
         )
+
+    def _with_ring_flows(self, angle, states, of_states: list) -> list:
+        """Rates of all states with their slopes, and what gas past the rings adds to them."""
+        state_1, turned, by_state, by_pressure = of_states
+        rows = self.columns(0, 1)
+        ring_rates, with_angle, with_states = self._slopes_between_ends(angle, states)
+        by_state = by_state.at[rows[:, None], np.arange(states.size)].add(with_states)
+        return [
+            state_1.at[rows].add(ring_rates),
+            turned.at[rows].add(with_angle),
+            by_state,
+            by_pressure,
+        ]
 
     def _plenum_slopes(self, angle, plenums, pressures, valve_slopes):
         """Rates of the plenums, and what flows between them and the lines, with all derivatives.
@@ -500,7 +522,8 @@ class Cylinders(eqx.Module):
                 (6 k, n) and in all pressures (6 k, c).
 
         Returns:
-            (q, 2 + n + c) and (4, 2 + n + c): values, then slopes in the angle, states and pressures.
+            Rates of the plenums (q,) with slopes in the angle (q,), states (q, n) and pressures (q, c),
+            and the same of what flows as columns (4, 2 + n + c).
         """
         k = self.count
         shared = self.shared
@@ -524,8 +547,9 @@ class Cylinders(eqx.Module):
         by_state = by_state.at[:, -plenums.size :].add(with_plenums)
         # pressures of the first cylinder are those of the flange
         by_pressure = by_pressure.at[:, : with_pressures.shape[1]].add(with_pressures)
-        rows = jnp.column_stack([values, turned, by_state, by_pressure])
-        return rows[: plenums.size], rows[plenums.size :]
+        both = [values, turned, by_state, by_pressure]
+        of_chains = [part[: plenums.size] for part in both]
+        return of_chains, jnp.column_stack([part[plenums.size :] for part in both])
 
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
         """A guess of states and branches."""

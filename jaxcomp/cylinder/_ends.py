@@ -70,7 +70,7 @@ def grouping(cylinder: Cylinder, count: int) -> Grouping:
         # Every cylinder has plenums of its own.
         touching = bool(cylinder.plenums) or cylinder.leakage is not None
         return Grouping(ends, sides, count if touching else ends)
-    if cylinder.plenums:
+    if cylinder.plenums or is_piped(cylinder):
         return Grouping(ends, sides, 1)
     return Grouping(ends, sides, ends if cylinder.leakage is None or sides == 1 else count)
 
@@ -82,10 +82,12 @@ def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOp
     rings or cylinders with the same plenums or pipes. A choice of the size that counts the events of all
     and the panels of one leaves out sizes that have room.
     """
+    if is_piped(cylinder):
+        options = options.behind_pipes()
     if has_ends(cylinder):
         return options.of_several(grouping(cylinder, count).together)
     if is_piped(cylinder):
-        return options.behind_pipes().of_several(count)
+        return options.of_several(count)
     return options.of_several(count if cylinder.plenums else 1)
 
 

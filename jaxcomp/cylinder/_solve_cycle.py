@@ -121,8 +121,11 @@ def check_piping(cylinder: Cylinder, count: int, options: CycleOptions) -> None:
             bound = "absent with method=march: pipes are solved by collocation"
             raise BadInput(f"gas.{name}.piping", "given", bound)
         flanges = len(piping.flanges)
-        if flanges not in (1, count):
+        ends = grouping(cylinder, count).ends
+        if flanges not in (1, count, ends):
             bound = f'"flange" of all cylinders, or flange-1 to flange-{count}, one of each'
+            if ends > count:
+                bound = f"{bound}, or to flange-{ends}, one of each end, head before crank end"
             raise BadInput(f"gas.{name}.piping.pipes", ", ".join(piping.flanges), bound)
 
 
@@ -302,7 +305,9 @@ def _of_ends(solve: Callable, ends: Ends, speed, pace, start) -> SeveralCycles:
         cycles = solve(ends, speed, pace, start)
     together = cycles.together if grouping.together > 1 else None
     cycles = _with_idle_ends(cycles, ends.stages)
-    return SeveralCycles(cycles.each, together, grouping.sides, stages=ends.stages)
+    return SeveralCycles(
+        cycles.each, together, grouping.sides, cycles.pulsation, stages=ends.stages
+    )
 
 
 def _with_idle_ends(cycles: SeveralCycles, stages: tuple[int, ...]) -> SeveralCycles:
@@ -329,7 +334,7 @@ def _cycles_of_group(system: Cylinders, solution: CycleSolution, marching: bool)
     if system.count > 1:
         return cycles_of(system, solution, marching)
     alone = cycle_of(system, solution, marching)
-    return SeveralCycles(jax.tree.map(lambda leaf: leaf[None], alone))
+    return SeveralCycles(jax.tree.map(lambda leaf: leaf[None], alone), pulsation=alone.pulsation)
 
 
 @eqx.filter_jit
@@ -434,6 +439,8 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
         ends = grouping(cylinder, count)
         size = ends.together * STATES + PER_PLENUM * len(cylinder.plenums)
         blank = blank_solution(ends.together, size, options_of(cylinder, count, options))
+        if is_piped(cylinder):
+            blank = blank._replace(waves=waves_at_rest(cylinder))
         return blank if ends.groups == 1 else over_cylinders(blank, ends.groups)
     if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)

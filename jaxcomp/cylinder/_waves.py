@@ -78,8 +78,8 @@ def orders_of(cylinder: Cylinder) -> int:
 
 
 def flange_numbers(piping: Piping, count: int) -> np.ndarray:
-    """Flange of each of `count` cylinders."""
-    return np.arange(count) if len(piping.flanges) > 1 else np.zeros(count, int)
+    """Flange of each of `count` cylinders or ends: one of all, of each, or of both ends of a cylinder."""
+    return np.arange(count) // (count // len(piping.flanges))
 
 
 def has_own_temperature(cylinder: Cylinder, side: int) -> bool:

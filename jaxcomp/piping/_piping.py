@@ -27,7 +27,8 @@ class Piping(Part):
     """A network of pipes between the valves and a line of constant pressure.
 
     Node "line" has the given pressure, node "flange" is where the valves of all cylinders draw from or
-    deliver to; "flange-1", "flange-2" that of each cylinder.
+    deliver to; "flange-1", "flange-2" that of each cylinder, or of each end of double-acting ones, head
+    before crank end. With plenums "flange" is their neck at the line.
 
     Args:
         pipes: from node to node.

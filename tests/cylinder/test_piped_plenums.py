@@ -9,9 +9,21 @@ from reference_pipes import AIR, SPEED, crank, cylinder, suction_pipe, valves
 
 from jaxcomp import BadInput, Status
 from jaxcomp._core.each import stacked
-from jaxcomp.cylinder import Cylinder, DischargeLine, Plenum, SuctionLine, solve_cycle
-from jaxcomp.cylinder._waves import SideWaves
-from jaxcomp.cylinder.interface import Cylinders, prepare
+from jaxcomp._core.fields import rebuilt
+from jaxcomp.cylinder import (
+    CrankEnd,
+    CycleOptions,
+    Cylinder,
+    DischargeLine,
+    LaminarGap,
+    Plenum,
+    SuctionLine,
+    solve_cycle,
+)
+from jaxcomp.cylinder._solve import _system_of_ends
+from jaxcomp.cylinder._waves import waves_at_rest
+from jaxcomp.cylinder.interface import Cylinders, ends_of, prepare, solve_cycles
+from jaxcomp.mechanism import SliderCrank
 from jaxcomp.piping import Orifice, Pipes, Piping, Volume
 
 BOTTLE = Plenum(0.002, 0.1, 0.025, 0.0)
@@ -36,41 +48,25 @@ def delivery(count):
     return Piping(tuple(pipes), orders=6)
 
 
-def system_and_point(count, behind=(BOTTLE,)):
-    """Cylinders behind plenums and pipes, and a point of their law that solves nothing."""
-    gas = machine(suction_pipe(1.8, orders=6), delivery(1 if behind else count), (BOTTLE,), behind)
-    phase = jnp.linspace(0.0, 2.0, count)
-    cases = stacked([prepare(gas, crank(), SPEED)] * count)
-    if count == 1:
-        cases = jax.tree.map(lambda leaf: leaf[0], cases)
+def check_slopes(system):
+    """Compare slopes that Newton's method puts together with those of the law as a whole.
+
+    At a point that solves nothing.
+    """
     rng = np.random.default_rng(2)
     sides = []
-    for flanges, temperatures in ((1, 0), (1 if behind else count, 1)):
-        pressure = 0.01 * rng.normal(size=(flanges, 13))
-        rough = np.ones((2, 0 if temperatures == 0 else 1 + flanges))
-        waves = SideWaves(
-            jnp.asarray(pressure), jnp.zeros((0, 13)), jnp.ones(temperatures), jnp.asarray(rough)
-        )
-        sides.append(waves)
-    system = Cylinders(cases, phase).with_waves((sides[0], sides[1]))
-    state, flags = system.initial(0.3)
+    for side in waves_at_rest(system.first.cylinder):
+        pressure = 0.01 * rng.normal(size=side.pressure.shape)
+        sides.append(side._replace(pressure=jnp.asarray(pressure)))
+    system = system.with_waves((sides[0], sides[1]))
+    angle = jnp.asarray(0.3)
+    state, flags = system.initial(angle)
     state = state * (1 + 0.03 * jnp.asarray(rng.normal(size=state.size)))
     # suction valves on their way, so that gas flows
+    count = system.count
     flags = flags.reshape(count, 6).at[:, 0].set(1).ravel()
     columns = jnp.asarray(system.columns(2, 3, 4))
-    moving = jnp.tile(jnp.array([0.4, 0.1, 0.05]), count)
-    state = state.at[columns].set(moving)
-    return system, jnp.asarray(0.3), state, flags
-
-
-@pytest.mark.parametrize(
-    ("count", "behind"),
-    [(1, (BOTTLE,)), (2, (BOTTLE,)), (2, ())],
-    ids=["one", "two", "two with flanges of their own"],
-)
-def test_slopes_of_the_law_behind_plenums_and_pipes(count, behind):
-    """Those that Newton's method puts together, against those of the law as a whole."""
-    system, angle, state, flags = system_and_point(count, behind)
+    state = state.at[columns].set(jnp.tile(jnp.array([0.4, 0.1, 0.05]), count))
     rows = eqx.filter_jit(Cylinders.jacobian_at_flanges)(system, angle, state, flags)
 
     def law(angle, state, pressures):
@@ -106,6 +102,34 @@ def test_slopes_of_the_law_behind_plenums_and_pipes(count, behind):
             scale = np.abs(whole).max() + 1e-30
             np.testing.assert_allclose(own, whole, rtol=1e-9, atol=1e-12 * scale)
     assert np.abs(rows.observed[0]) > 0
+
+
+@pytest.mark.parametrize(
+    ("count", "behind"),
+    [(1, (BOTTLE,)), (2, (BOTTLE,)), (2, ())],
+    ids=["one", "two", "two with flanges of their own"],
+)
+def test_slopes_of_the_law_behind_plenums_and_pipes(count, behind):
+    """Those that Newton's method puts together, against those of the law as a whole."""
+    gas = machine(suction_pipe(1.8, orders=6), delivery(1 if behind else count), (BOTTLE,), behind)
+    cases = stacked([prepare(gas, crank(), SPEED)] * count)
+    if count == 1:
+        cases = jax.tree.map(lambda leaf: leaf[0], cases)
+    check_slopes(Cylinders(cases, jnp.linspace(0.0, 2.0, count)))
+
+
+@pytest.mark.parametrize("flange", ["one flange", "a flange of each end"])
+def test_slopes_of_the_law_of_both_ends_of_a_cylinder(flange):
+    """With gas past the rings from one to the other."""
+    end = CrankEnd(rod_diameter=0.02, packing=LaminarGap(2e-5, 0.06, 2e-5))
+    gas = rebuilt(
+        machine(suction_pipe(1.8, orders=6), delivery(1 if flange == "one flange" else 2)),
+        crank_end=end,
+        leakage=LaminarGap(4e-5, 0.03, 2e-5),
+    )
+    system = _system_of_ends(ends_of(gas, [crank()], jnp.zeros(1)), jnp.asarray(SPEED), None)
+    assert system.leaks_between
+    check_slopes(system)
 
 
 def test_plenums_share_one_flange():
@@ -183,3 +207,26 @@ def test_derivatives_of_a_cycle_between_plenums_and_pipes():
         difference = (figures(point + step) - figures(point - step)) / (2e-5 * point[place])
         # values of a difference move by 1e-10 with the panels that are laid after marches of their own
         np.testing.assert_allclose(slopes[:, place], difference, rtol=2e-4)
+
+
+@pytest.mark.slow
+def test_both_ends_of_a_cylinder_are_two_cylinders():
+    """With a rod of connection as long as a street and a piston rod as thin as a needle."""
+    long = SliderCrank(0.06, 0.0262, 100.0, 0.2, 0.2)
+    piping = suction_pipe(1.8, orders=16)
+    options = CycleOptions()
+    single = cylinder(piping)
+    double = rebuilt(single, crank_end=CrankEnd(rod_diameter=1e-4))
+    speed = jnp.asarray(SPEED)
+    both = solve_cycles(double, [long], jnp.zeros(1), speed, options)
+    two = solve_cycles(single, [long, long], jnp.asarray([0.0, np.pi]), speed, options)
+    for cycles in (both, two):
+        assert cycles.status == Status.converged
+        assert abs(float(cycles.energy_closure)) < 1e-9
+    # the obliquity of 2.6e-4 and the needle's area of 3e-6
+    for name in ("indicated_work", "volumetric_efficiency", "mass_flow"):
+        assert float(getattr(both, name)) == pytest.approx(float(getattr(two, name)), rel=1e-4)
+    spectra = [cycles.pulsation.spectra()["flange"] for cycles in (both, two)]
+    largest = float(jnp.max(spectra[1]))
+    np.testing.assert_allclose(spectra[0][:6], spectra[1][:6], atol=1e-3 * largest)
+    assert float(jnp.max(spectra[0])) > 500.0
