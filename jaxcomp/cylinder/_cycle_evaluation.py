@@ -93,7 +93,7 @@ def _pulsation(system: Cylinders, solution: CycleSolution) -> Pulsation | None:
 
     observed = at_points(law, solution.mesh, solution.z)[:, :-1]
     flows = observed_harmonics(system, observed, harmonic_weights(system, solution.z))
-    return Pulsation(solution.waves, flows, system.shared)
+    return Pulsation(solution.waves, flows, system.shared, system.phase[0])
 
 
 def _with_pulsation(cycle: Cycle, pulsation: Pulsation) -> Cycle:

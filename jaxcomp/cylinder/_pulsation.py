@@ -61,11 +61,14 @@ class Pulsation(Result, eqx.Module):
         waves: at the flanges, over the pressure of the lines.
         flows: harmonics of what passes the flanges of each network.
         case: a cylinder as large as all together.
+        phase: [rad] own angle of the first cylinder less the angle by which waves count their time; 0 of
+            a cylinder alone.
     """
 
     waves: Waves
     flows: tuple[Observed, ...]
     case: Case
+    phase: Float[Array, ""]
 
     @property
     def lines(self) -> list[tuple[int, Line, Observed]]:

@@ -1,15 +1,14 @@
 r"""The forces of waves on runs of pipe and vessels, as harmonics of time on the rest of the machine.
 
-The waves count time from the top dead centre of the first cylinder at the mean speed, but for what the
-crank's unevenness has put it ahead there: $\tau = \Omega t + \theta_{top} + \delta$.
+The waves count their time $\tau$ at the mean speed by an angle of their own, see `Pulsation.phase`, and
+orbits theirs from the top dead centre of the first cylinder: $\tau = \Omega t + \tau_{top}$.
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex
 
 from ..compressor import Compressor, check_runs, first_top, run_directions
 from ..crank import Orbit
-from ..cylinder import Pulsation
 from ..cylinder.interface import machine_time
 from ..rotor import PeriodicForce, PipeNode
 
@@ -28,23 +27,16 @@ def run_forces(compressor: Compressor, orbit: Orbit) -> dict[str, Complex[Array,
     if pulsation is None:
         return {}
     directions = run_directions(compressor)
-    ahead = first_top(compressor) + _lag_at_top(compressor, pulsation)
+    own_angle = first_top(compressor) + compressor.crankshaft.phase[0]
+    at_top, _ = machine_time(pulsation.case, pulsation.phase, own_angle)
     forces = {}
     for name, series in pulsation.shaking_series().items():
         count = series.size // 2
         amplitudes = series[1 : 1 + count] - 1j * series[1 + count :]
-        amplitudes = amplitudes * jnp.exp(1j * jnp.arange(1, count + 1) * ahead)
+        amplitudes = amplitudes * jnp.exp(1j * jnp.arange(1, count + 1) * at_top)
         of_time = jnp.concatenate([series[:1].astype(complex), amplitudes])
         forces[name] = directions[name][:, None] * of_time
     return forces
-
-
-def _lag_at_top(compressor: Compressor, pulsation: Pulsation) -> Float[Array, ""]:
-    """[rad] By which the waves' time is ahead of the crank angle at the first top dead centre."""
-    phase = compressor.crankshaft.phase[0]
-    own_angle = first_top(compressor) + phase
-    tau, _ = machine_time(pulsation.case, phase, own_angle)
-    return tau - first_top(compressor)
 
 
 def pipe_loads(

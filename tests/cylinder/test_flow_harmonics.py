@@ -123,7 +123,7 @@ def test_pressure_at_a_place_of_a_pipe(quarter_wave):
     suction = replaced(pulsation.case.cylinder.suction, piping=replaced(piping, pipes=(chain,)))
     machine = replaced(pulsation.case.cylinder, suction=suction)
     case = eqx.tree_at(lambda case: case.cylinder, pulsation.case, machine)
-    at_cut = Pulsation(pulsation.waves, pulsation.flows, case).series()["cut"]
+    at_cut = Pulsation(pulsation.waves, pulsation.flows, case, pulsation.phase).series()["cut"]
     np.testing.assert_allclose(
         pulsation.series_in_pipe("flange", "far", 0.35), at_cut, rtol=1e-10, atol=1e-8
     )
@@ -138,7 +138,7 @@ def test_status_of_waves_beyond_their_range(quarter_wave):
     assert pulsation.status == Status.converged
     # three times the pressures: 17 % peak to peak
     larger = pulsation.waves[0]._replace(pressure=3 * pulsation.waves[0].pressure)
-    loud = Pulsation((larger, None), pulsation.flows, pulsation.case)
+    loud = Pulsation((larger, None), pulsation.flows, pulsation.case, pulsation.phase)
     assert loud.status == Status.large_pulsation
     assert float(loud.linear_error) == pytest.approx(0.35 * float(loud.largest) ** 2)
     assert "large_pulsation" in " ".join(loud.remarks)

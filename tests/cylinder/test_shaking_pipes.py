@@ -51,7 +51,9 @@ def pulsation_of(piping):
     machine = cylinder(piping)
     series = np.random.default_rng(3).normal(size=(1, 2 * ORDERS + 1)) * 1e-3
     flows = Observed(jnp.asarray(series), jnp.zeros(2 * ORDERS + 1))
-    return Pulsation(waves_at_rest(machine), (flows,), prepare(machine, crank(), SPEED))
+    case = prepare(machine, crank(), SPEED)
+    # they count their time by the crank of `machine_with`
+    return Pulsation(waves_at_rest(machine), (flows,), case, jnp.asarray(-np.deg2rad(40.0)))
 
 
 def test_forces_behind_each_other_are_those_on_all_end_plates():
