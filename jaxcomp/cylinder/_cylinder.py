@@ -17,7 +17,8 @@ from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
 from ..fluid._real import FAR, has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
-from ..piping.interface import NAMED_RESONANCES, unit_direction
+from ..piping._resonances import NAMED_RESONANCES
+from ..piping.run import unit_direction
 from ..valve import AbstractValve
 from ..valve._flow import Side, critical_ratio
 from ._lines import DischargeLine, SuctionLine, by_dew_points

@@ -457,7 +457,7 @@ class Cylinders(eqx.Module):
             return wide.reshape(k * rows.shape[1], k * width)
 
         def among_states(rows: Float[Array, "k r c"]):
-            """The same of own states, with the columns of the plenums behind them."""
+            """Rows of own states among those of all, with columns of the plenums behind them."""
             of_cylinders = among_all(rows[:, :, 1 : 1 + m])
             if not q:
                 return of_cylinders

@@ -8,7 +8,8 @@ from jaxtyping import Array, Float
 
 from .._core.fields import rebuilt
 from ..piping import PipeGas, lowest_resonances, resonances
-from ..piping.interface import NAMED_RESONANCES, Network
+from ..piping._network import Network
+from ..piping._resonances import NAMED_RESONANCES
 from ._cylinder import Cylinder, prepare
 from ._waves import LINES, lines_of, waves_at_rest
 

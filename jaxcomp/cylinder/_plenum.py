@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from ..fluid import AbstractFluid, GasState
-from ..valve.interface import Side
+from ..valve._flow import Side
 
 PER_PLENUM = 3  # states: mass, temperature, and flow in the neck
 _MIXED = 0.2  # [-] of the flow of a full cylinder: flow in a neck below which both sides mix

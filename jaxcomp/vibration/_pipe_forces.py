@@ -9,7 +9,7 @@ from jaxtyping import Array, Complex
 
 from ..compressor import Compressor, check_runs, first_top, run_directions
 from ..crank import Orbit
-from ..cylinder.interface import machine_time
+from ..cylinder._quadrature import machine_time
 from ..rotor import PeriodicForce, PipeNode
 
 

@@ -20,9 +20,11 @@ from jaxcomp.cylinder import (
     SuctionLine,
     solve_cycle,
 )
-from jaxcomp.cylinder._solve import _system_of_ends
+from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._cylinder_system import Cylinders
+from jaxcomp.cylinder._ends import ends_of
+from jaxcomp.cylinder._solve_cycle import _system_of_ends, solve_cycles
 from jaxcomp.cylinder._waves import waves_at_rest
-from jaxcomp.cylinder.interface import Cylinders, ends_of, prepare, solve_cycles
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.piping import Orifice, Pipes, Piping, Volume
 

@@ -12,7 +12,7 @@ import pytest
 
 from jaxcomp import Status
 from jaxcomp.cylinder import CrankEnd, CycleOptions, Cylinder, DischargeLine, SuctionLine
-from jaxcomp.cylinder.interface import solve_cycles
+from jaxcomp.cylinder._solve_cycle import solve_cycles
 from jaxcomp.fluid import PerfectGas
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.valve import CheckValve

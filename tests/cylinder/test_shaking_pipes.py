@@ -15,10 +15,10 @@ from jaxcomp import BadInput, Compressor, solve_orbit
 from jaxcomp.compressor import first_top
 from jaxcomp.crankshaft import Crankshaft, Throw
 from jaxcomp.cylinder import Pulsation
-from jaxcomp.cylinder._panels import over_panels
+from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder._event_panels import over_panels
 from jaxcomp.cylinder._pulsation import values_of
 from jaxcomp.cylinder._waves import Observed, waves_at_rest
-from jaxcomp.cylinder.interface import prepare
 from jaxcomp.gas import PolytropicCycle
 from jaxcomp.motor import ConstantSpeed, MeanSpeed
 from jaxcomp.piping import Orifice, Pipes, Piping, Run, Vessel
