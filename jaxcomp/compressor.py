@@ -227,8 +227,9 @@ def _check_pipes(compressor: Compressor) -> None:
 
 def run_directions(compressor: Compressor | None) -> dict[str, Float[Array, "3"]]:
     """Directions of runs of pipe and vessels by name; none without pipes."""
-    gas = None if compressor is None else compressor.gas
-    return gas.run_directions if isinstance(gas, Cylinder) else {}
+    if compressor is None or not isinstance(compressor.gas, Cylinder):
+        return {}
+    return compressor.gas.run_directions
 
 
 def check_runs(compressor: Compressor | None, loads: tuple, where: str) -> None:

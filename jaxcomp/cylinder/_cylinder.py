@@ -17,6 +17,7 @@ from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
 from ..fluid._real import FAR, has_dew_line
 from ..gas import AbstractGas
 from ..mechanism import AbstractMechanism
+from ..piping import Piping
 from ..piping._resonances import NAMED_RESONANCES
 from ..piping.run import unit_direction
 from ..valve import AbstractValve
@@ -282,10 +283,18 @@ class Cylinder(AbstractGas):
             yield "suction_valve.unloader"
 
     @property
+    def _piped(self) -> dict[str, Piping]:
+        """Networks of the lines that have any, by name of the line."""
+        networks = {}
+        for name, line in (("suction", self.suction), ("discharge", self.discharge)):
+            if line.piping is not None:
+                networks[name] = line.piping
+        return networks
+
+    @property
     def resonance_names(self) -> list[str]:
         """Names of the lowest resonances of pipes: numbers, behind their line's where both have pipes."""
-        lines = {"suction": self.suction.piping, "discharge": self.discharge.piping}
-        piped = [name for name, piping in lines.items() if piping is not None]
+        piped = list(self._piped)
         numbers = range(1, NAMED_RESONANCES + 1)
         if len(piped) == 1:
             return [str(number) for number in numbers]
@@ -294,8 +303,7 @@ class Cylinder(AbstractGas):
     @property
     def run_directions(self) -> dict[str, Float[Array, "3"]]:
         """Directions of runs of pipe and vessels, by their names among the quantities."""
-        lines = {"suction": self.suction.piping, "discharge": self.discharge.piping}
-        piped = {name: piping for name, piping in lines.items() if piping is not None}
+        piped = self._piped
         directions = {}
         for line, piping in piped.items():
             for name, element in zip(piping.run_names, piping.shaken, strict=True):

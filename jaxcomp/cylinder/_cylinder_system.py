@@ -483,7 +483,7 @@ class Cylinders(eqx.Module):
             of_flange = pressures[0], pressures_1[0]
             of_chains, necks = self._plenum_slopes(angle, plenums, of_flange, of_streams)
             observed = observed + of_necks @ necks
-            of_states = [jnp.concatenate(both) for both in zip(of_states, of_chains, strict=True)]
+            of_states = list(map(jnp.concatenate, zip(of_states, of_chains, strict=True)))
         state_1, turned, by_state, by_pressure = of_states
         n = state_1.size
         return FlangeJacobian(
@@ -534,8 +534,8 @@ class Cylinders(eqx.Module):
         def of_plenums(angle, plenums, streams, pressures):
             pair = chains(shared, plenums, self.sides(shared, pressures))
             of_chains = chain_rates(shared, pair, plenums, streams, shared.speed_at(angle))
-            both = jnp.concatenate([of_chains, line_streams(shared, pair)])
-            return both, both
+            rows = jnp.concatenate([of_chains, line_streams(shared, pair)])
+            return rows, rows
 
         at = own_angle, plenums, total, pressures[0]
         of_own, values = jax.jacfwd(of_plenums, (0, 1, 2, 3), has_aux=True)(*at)
@@ -547,9 +547,9 @@ class Cylinders(eqx.Module):
         by_state = by_state.at[:, -plenums.size :].add(with_plenums)
         # pressures of the first cylinder are those of the flange
         by_pressure = by_pressure.at[:, : with_pressures.shape[1]].add(with_pressures)
-        both = [values, turned, by_state, by_pressure]
-        of_chains = [part[: plenums.size] for part in both]
-        return of_chains, jnp.column_stack([part[plenums.size :] for part in both])
+        parts = (values, turned, by_state, by_pressure)
+        of_chains = [part[: plenums.size] for part in parts]
+        return of_chains, jnp.column_stack(parts)[plenums.size :]
 
     def initial(self, angle) -> tuple[Float[Array, " n"], Int[Array, " f"]]:
         """A guess of states and branches."""

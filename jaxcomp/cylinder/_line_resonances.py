@@ -7,9 +7,9 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from .._core.fields import rebuilt
-from ..piping import PipeGas, lowest_resonances, resonances
+from ..piping import PipeGas, resonances
 from ..piping._network import Network
-from ..piping._resonances import NAMED_RESONANCES
+from ..piping._resonances import NAMED_RESONANCES, lowest_resonances
 from ._cylinder import Cylinder, prepare
 from ._waves import LINES, lines_of, waves_at_rest
 

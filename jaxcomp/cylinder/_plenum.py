@@ -138,8 +138,11 @@ def line_streams(case, pair: tuple[PlenumChain, PlenumChain]) -> Float[Array, " 
             streams += [jnp.zeros(()), jnp.zeros(())]
             continue
         # the neck at the line, and the gases on both sides of it
-        flow = chain.flows[0] if chain.inward else chain.flows[-1]
-        gases = chain.nodes[:2] if chain.inward else chain.nodes[-2:]
+        flow = chain.flows[-1]
+        gases = chain.nodes[-2:]
+        if chain.inward:
+            flow = chain.flows[0]
+            gases = chain.nodes[:2]
         gas = _mixed(flow / jnp.sqrt(flow**2 + least**2), *gases)
         streams += [flow, flow * gas.h]
     return jnp.stack(streams)

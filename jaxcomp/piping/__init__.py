@@ -7,7 +7,6 @@ from ._network import network_of as network_of
 from ._network import pressures_at_nodes as pressures_at_nodes
 from ._piping import Piping as Piping
 from ._resonances import Resonances as Resonances
-from ._resonances import lowest_resonances as lowest_resonances
 from ._resonances import resonances as resonances
 from ._resonances import root_near as root_near
 from .api_618 import flange_limit as flange_limit

@@ -120,8 +120,9 @@ def _lowest(network: Network, gas: PipeGas, highest, room: int) -> tuple[Resonan
     damping = maximum(jnp.abs(followed.real), 1e-12 * jnp.abs(followed.imag))
     # without losses Q has no bound
     quality = followed.imag / (2 * damping)
-    found = Resonances(followed.imag / (2 * np.pi), quality, followed)
-    return jax.tree.map(lambda values: jnp.where(is_root, values, jnp.inf), found), jnp.sum(peaks)
+    sorted_roots = Resonances(followed.imag / (2 * np.pi), quality, followed)
+    lowest = jax.tree.map(lambda values: jnp.where(is_root, values, jnp.inf), sorted_roots)
+    return lowest, jnp.sum(peaks)
 
 
 _lowest_compiled = jax.jit(_lowest, static_argnames="room")

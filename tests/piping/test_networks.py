@@ -21,7 +21,6 @@ from jaxcomp.piping import (
     impedances,
     line_limit,
     line_limit_of_approach_1,
-    lowest_resonances,
     network_of,
     pipe_gas,
     pressures_at_nodes,
@@ -29,6 +28,7 @@ from jaxcomp.piping import (
     root_near,
 )
 from jaxcomp.piping._network import no_drag, response, steady_response
+from jaxcomp.piping._resonances import lowest_resonances
 from jaxcomp.piping.pipe import wall_function
 
 C = np.sqrt(1.4 * 287 * 300)
