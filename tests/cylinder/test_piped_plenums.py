@@ -204,12 +204,14 @@ def test_derivatives_of_a_cycle_between_plenums_and_pipes():
 
     point = jnp.array([1.0, 5e-4, 0.02, SPEED])
     slopes = jax.jacfwd(figures)(point)
+    values = np.abs(figures(point))
     for place in range(point.size):
         step = jnp.zeros(point.size).at[place].set(1e-4 * point[place])
         difference = (figures(point + step) - figures(point - step)) / (2e-4 * point[place])
-        # panels are laid anew for every value: seen 2e-4 of work and flow, and 2e-3 of the small slope
-        # of the discharge's wave to the suction pipe
-        np.testing.assert_allclose(slopes[:, place], difference, rtol=4e-3)
+        # panels are laid anew for every value, which moves it by 1e-5 of itself: 2e-4 of the slopes of work
+        # and flow, and 1 % of those of the discharge's wave to what stands in the suction line
+        error = np.abs(slopes[:, place] - difference)
+        assert (error <= 1e-3 * np.abs(difference) + 1e-4 * values / point[place]).all()
 
 
 @pytest.mark.slow
