@@ -208,8 +208,8 @@ def test_derivatives_of_a_cycle_between_plenums_and_pipes():
     for place in range(point.size):
         step = jnp.zeros(point.size).at[place].set(1e-4 * point[place])
         difference = (figures(point + step) - figures(point - step)) / (2e-4 * point[place])
-        # panels are laid anew for every value, which moves it by 1e-5 of itself: 2e-4 of the slopes of work
-        # and flow, and 1 % of those of the discharge's wave to what stands in the suction line
+        # panels are laid anew for every value, which moves it by 1e-5 of itself: 2e-4 of slopes of work
+        # and flow, 1 % of those of the discharge's wave to what stands in the suction line
         error = np.abs(slopes[:, place] - difference)
         assert (error <= 1e-3 * np.abs(difference) + 1e-4 * values / point[place]).all()
 
