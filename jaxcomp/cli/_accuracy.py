@@ -61,7 +61,6 @@ def accuracy(
         error: Relative error for which the cheapest setting is named.
         thorough: All methods and settings; takes several times as long.
     """
-
     refuse(not 0 < error < 1, f"--error {error:g}: must be > 0 and < 1")
     without = f"has no meaning with --study {study}"
     unused = excitation is not None and study in _WITHOUT_EXCITATION

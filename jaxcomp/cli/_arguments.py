@@ -147,9 +147,9 @@ def bounds_of(
 
 def speed_of(text: str, option: str) -> float:
     """[rad/s] A speed of the command line."""
-    # there a frequency of rotation can be nothing but a speed
     from ..scene._units import to_si
 
+    # there a frequency of rotation can be nothing but a speed
     text = re.sub(r"\s*hz\s*$", " turn/s", text.strip(), flags=re.IGNORECASE)
     value = float(to_si(text, "rad/s", option))
     refuse(value < 0, f"{option}: must be >= 0 rad/s")

@@ -315,7 +315,6 @@ def balance(
         without (A,B): Leave gas, inertia, friction or fluctuation out of the forces of the crank.
         measured: CSV of an initial run and one run with a trial weight per plane.
     """
-
     refuse(
         (machine is None) == (measured is None),
         "balance: needs either a machine or --measured FILE",

@@ -113,7 +113,6 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
         between: Between the points of the table: a periodic cubic spline, or straight lines.
         period: Of the table, such as '720 deg'; if absent, the whole revolutions that hold it.
     """
-
     refuse(
         bush.load is None and bush.loads is None,
         "Missing option '--load', or '--loads' with a table",

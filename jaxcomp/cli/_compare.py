@@ -44,7 +44,6 @@ def compare(
         quantity (NAME): Show this quantity and the dimensions alone, e.g. cop or peak_force.crank_pin.
             Repeatable.
     """
-
     if len(machines) + len(variants or ()) < 2:
         raise CommandError("compare: needs a second machine, or a variant by --with NAME=VALUE")
     refuse(variants and len(machines) > 1, "--with: is for one machine alone")
@@ -111,7 +110,6 @@ def sensitivity(
         rows: Rows of each table; JSON and CSV have every number.
         verify: State the error of every change, by a second solution with more nodes on every panel.
     """
-
     scene = case.scene(once=True)
     names = list(dict.fromkeys(quantity or default_quantities(scene)))
     with waiting():

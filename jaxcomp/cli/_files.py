@@ -58,8 +58,6 @@ def new(
         machine (MACHINE): Bundled machine or machine file to start from, with its numbers.
         force: Write over a file.
     """
-    from ..scene._annotated import start_from
-
     to_screen = str(file) == "-"
     refuse(not to_screen and file.suffix != ".toml", f"{file}: must end in .toml")
     would_overwrite = not to_screen and file.exists() and not force
@@ -69,6 +67,8 @@ def new(
         text = jc.scene.start(kind, name)
         has_crank = kind != "rotor"
     else:
+        from ..scene._annotated import start_from
+
         scene = jc.scene.load(machine)
         text = start_from(scene, name)
         has_crank = scene.compressor is not None

@@ -141,9 +141,9 @@ def identify(
     scene = case.scene(varied=vary)
     method = chosen_solver(solver, scene)
     data_sets = polynomials.read(data, scene, method)
-    from ..study.identification._readings import with_own_factors
-
     if own_factors:
+        from ..study.identification._readings import with_own_factors
+
         data_sets = with_own_factors(data_sets)
     if vary:
         bounds = _bounds(scene, vary)

@@ -58,7 +58,6 @@ def rating_map(
         form: Of the file of coefficients: CSV as in AHRI 540 and EN 12900, objects of EnergyPlus,
             or the polynomials of TESPy's PolynomialCompressor; `identify` reads all of them.
     """
-
     over = axis(evaporating, "evaporating"), axis(condensing, "condensing")
     from ..scene.map_files import FORMATS, polynomial_text, rating_metadata
 

@@ -42,7 +42,6 @@ def modes(
         overdamped: Show modes with a damping above 70 % as well.
         undamped: Without damping.
     """
-
     if free and ":" in (speeds or ""):
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
     scene = case.scene(once=True)

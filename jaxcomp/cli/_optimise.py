@@ -133,8 +133,6 @@ def optimise(search: SearchOptions, output: Output) -> None:
         samples: Designs of the coarse sweep that the optimum is compared with.
         seed: Of starts and samples.
     """
-    from ..plot._optimise import optimum_figures
-
     search = search.checked()
     start_jax()
     begun = time.perf_counter()
@@ -173,6 +171,7 @@ def optimise(search: SearchOptions, output: Output) -> None:
     design = "optimised machine" if outcome.feasible else "the machine of the nearest design"
 
     def pictures():
+        from ..plot._optimise import optimum_figures
 
         return optimum_figures(outcome)
 

@@ -38,7 +38,6 @@ def animate(
         speed (SPEED): Speed of the rotor, e.g. 3000rpm; the machine's if absent.
         frames: Pictures per revolution.
     """
-
     output = Output(out=out, force=force)
     refuse(not 4 <= frames <= 360, f"--frames {frames}: must be >= 4 and <= 360")
     from ..plot import gif

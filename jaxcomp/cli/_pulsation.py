@@ -48,10 +48,10 @@ def pulsation(
     import numpy as np
 
     scene = case.scene(once=True)
-    compressor = scene.as_compressor()
-    gas = compressor.gas
     from ..cylinder._waves import is_piped
 
+    compressor = scene.as_compressor()
+    gas = compressor.gas
     piped = isinstance(gas, jc.cylinder.Cylinder) and is_piped(gas)
     if not piped:
         missing = (

@@ -44,9 +44,9 @@ def respond(
         orders (N,N,...): Orders of the speed; all that are loaded if absent.
         node: Node to report; the target planes (or all) if absent. Repeatable.
     """
-
     scene = case.scene(once=True)
     from ..rotor._nodes import node_names
+    from ..rotor._response import SingularResponse
 
     names = {str(name) for name in node_names(rotor_of(scene))}
     for name in node or ():
@@ -59,8 +59,6 @@ def respond(
     shown_orders = whole_orders(orders, None if by_crank else loads.loads)
     points, range_ = points_and_range(scene, speed, speeds)
     crank_solver = opt.chosen_solver(solver, scene)
-    from ..rotor._response import SingularResponse
-
     with waiting():
         try:
             motion = jc.vibration.rotor_motion(

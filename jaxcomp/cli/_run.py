@@ -39,7 +39,6 @@ def run(
         step (DEGREES): Of the crank angle in curves.csv, from -180 to 180, e.g. 1; at the nodes of the
             solver if absent.
     """
-
     if tolerance is not None:
         refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     even = step is None or (0.01 <= step <= 90 and abs(360 / step - round(360 / step)) < 1e-9)

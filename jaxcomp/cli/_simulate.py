@@ -56,7 +56,6 @@ def simulate(
         samples: Number of instants listed; 501 if absent, with valves some 200 for each revolution.
         swing_back: Go on where the crank stops or turns back.
     """
-
     refuse(not 0 < tolerance < 1, f"--tolerance {tolerance:g}: must be > 0 and < 1")
     import diffrax
 
@@ -89,9 +88,9 @@ def simulate(
             options=jc.crank.TimeIntegration(method, tolerance, steps, samples or instants),
         )
 
-    from ..plot._transient import transient_figure, transient_gas_figure
-
     def figures():
+        from ..plot._transient import transient_figure, transient_gas_figure
+
         pictures = {"motion": transient_figure(motion, scene.name, off)}
         if motion.gas is not None:
             pictures["gas"] = transient_gas_figure(motion, scene.name, off)
@@ -115,9 +114,9 @@ def simulate(
 
 def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:
     """The most steps of a machine with valves up to an end [s], and the instants to list."""
-    # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
     from ..crank._integration import MOST_STEPS
 
+    # Some hundred steps a revolution, more with every cylinder; powers of two share programs.
     count = compressor.crankshaft.count
     revolutions = end * float(compressor.motor.speed_guess) / (2 * math.pi)
     limit = (MOST_STEPS - 2000) // (1000 * count)

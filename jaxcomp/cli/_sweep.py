@@ -62,7 +62,6 @@ def sweep(
         batch: Designs that are solved and written at a time.
         devices: Cores (or other devices) to use; all if absent.
     """
-
     if samples is not None:
         refuse(samples < 1, f"--samples {samples}: must be >= 1")
     elif sampling != "sobol":
@@ -89,6 +88,7 @@ def sweep(
         "devices": devices,
     }
     from ..study.sweep._run import sweep_machines
+    from ..study.sweep._summary import columns, summary
 
     with cluster(dask) as client:
         options |= {"options": analysis.options(scene), "client": client}
@@ -97,21 +97,24 @@ def sweep(
             dataset = sweep_machines(layout_scenes, axes, quantities, **options)
         else:
             dataset = jc.study.sweep.sweep(scene, axes, quantities, **options)
-    from ..plot._sweep import machine_figures, sweep_figures
-    from ..study.sweep._summary import columns, summary
-
     if layout_scenes:
         numbers = {"layouts": _values_of_each(dataset)}
         tables = partial(layouts_tables, dataset)
-        figures = partial(machine_figures, dataset, scene.name, _LAYOUT)
     else:
         numbers = summary(dataset)
         tables = partial(sweep_tables, dataset)
-        figures = partial(sweep_figures, dataset, scene.name)
+
+    def pictures():
+        from ..plot._sweep import machine_figures, sweep_figures
+
+        if layout_scenes:
+            return machine_figures(dataset, scene.name, _LAYOUT)
+        return sweep_figures(dataset, scene.name)
+
     output.emit(
         {"scene": scene.name, **numbers, "store": store and str(store)},
         tables,
-        figures,
+        pictures,
         scene,
         {"designs": lambda: columns(dataset)},
     )

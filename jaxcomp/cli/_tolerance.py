@@ -82,7 +82,6 @@ def tolerance(
         seed: Seed of the samples.
         curvature: Second order by differences of slopes, by exact derivatives, or not.
     """
-
     missing = not vary and tolerances is None
     refuse(missing, "--vary: is missing; e.g. --vary mechanism.bore='+-0.02 mm'")
     unlimited = rejects is not None and not limit

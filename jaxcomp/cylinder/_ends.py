@@ -82,13 +82,12 @@ def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOp
     rings or cylinders with the same plenums or pipes. A choice of the size that counts the events of all
     and the panels of one leaves out sizes that have room.
     """
-    if is_piped(cylinder):
+    piped = is_piped(cylinder)
+    if piped:
         options = options.behind_pipes()
     if has_ends(cylinder):
         return options.of_several(grouping(cylinder, count).together)
-    if is_piped(cylinder):
-        return options.of_several(count)
-    return options.of_several(count if cylinder.plenums else 1)
+    return options.of_several(count if piped or cylinder.plenums else 1)
 
 
 def phase_of_ends(cylinder: Cylinder, phase: Float[Array, " k"]) -> Float[Array, " e"]:
