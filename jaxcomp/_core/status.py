@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import ArrayLike, Bool, Int
 
+from .fields import is_traced
 from .precision import single_precision
 
 
@@ -102,6 +104,20 @@ def names_of_codes(
     """
     words = np.asarray([*(names or status_names()), "failed"])
     return words[np.asarray(codes, int)]
+
+
+def ended_in(status: Status, *outcomes: Status) -> Bool[ArrayLike, "*batch"]:
+    """Whether a solution ended in one of the outcomes; by NumPy outside of traced programs.
+
+    Args:
+        status: of a solution, or of a batch of them.
+        outcomes: that are asked for.
+    """
+    codes = status._value  # equinox compares one outcome at a time, each by a program of its own
+    library = jnp
+    if not is_traced(codes):
+        codes, library = np.asarray(codes), np
+    return library.any(library.stack([codes == outcome._value for outcome in outcomes]), axis=0)
 
 
 def status_meaning(name: str) -> str:

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.fields import admissible, clipped, is_traced, replaced
 from .._core.roots import frozen
-from .._core.status import SolveFailed, Status
+from .._core.status import SolveFailed, Status, ended_in
 from ..compressor import Compressor, HasCompressor, compressor_of
 from ..cylinder import CycleOptions, Cylinder
 from ..cylinder._climb import climbed, evidence, raise_where_unsolved
@@ -129,8 +130,7 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
     """
     with_derivatives = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
     if not isinstance(compressor.gas, Cylinder):
-        solve_orbit_of = _solve_traced if with_derivatives else _solve_compiled
-        orbit = solve_orbit_of(compressor, solver)
+        orbit = _solve_compiled(compressor, solver)
         if throw:
             _raise_if_failed(orbit, solver)
         return orbit
@@ -145,7 +145,7 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
         _raise_if_failed(orbit, solver)
     if not with_derivatives:
         return orbit
-    return _solve_traced(compressor, solver, orbit)
+    return _solve_compiled(compressor, solver, orbit)
 
 
 def _cycle_options(compressor: Compressor, solver) -> CycleOptions:
@@ -163,7 +163,7 @@ def _raise_if_failed(orbit: Orbit, solver) -> None:
         if is_traced(code):
             return
         status = eqx.tree_at(lambda s: s._value, status, code.astype(jnp.int32))
-    if not bool(jnp.any(status != Status.converged)):
+    if np.all(ended_in(status, Status.converged)):
         return
     if orbit.cycle is not None and not bool(of_each(orbit.cycle).converged.all()):
         raise SolveFailed(status, evidence(orbit.cycle, solver.cycle), orbit)

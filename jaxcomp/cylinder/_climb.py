@@ -94,19 +94,29 @@ def climbed(
         options: of the first size.
         by_march: whether the march stands behind the largest size.
     """
+    answer = solve(options)
+    cycle = _cycle_of(answer)
+    if not np.any(may_lack_room(cycle.status)):
+        return answer, options  # as most do, for whom no ladder is put up
+    reached = options
+    alone = np.zeros(1, int)
     climb = Climb(options.ladder(by_march))
-    reached = None
-    for size, rows in climb:
+    climb.note(alone, events_without_room(cycle))
+    for size, _ in climb:
         assert size is not None
-        answer = solve(size)
-        cycle = of_each(getattr(answer, "cycle", answer))
-        is_march_behind = reached is not None and size.method != options.method
-        if is_march_behind and not bool(is_solved(cycle)):
+        larger = solve(size)
+        cycle = _cycle_of(larger)
+        is_march_behind = size.method != options.method
+        if is_march_behind and not is_solved(cycle):
             break  # what collocation found out in the largest size says more
-        reached = answer, size
-        climb.note(rows, events_without_room(cycle))
-    assert reached is not None
-    return reached
+        answer, reached = larger, size
+        climb.note(alone, events_without_room(cycle))
+    return answer, reached
+
+
+def _cycle_of(answer) -> Cycle:
+    """The cycle of a solution that is one or has one, of several with an axis of them."""
+    return of_each(getattr(answer, "cycle", answer))
 
 
 def evidence(cycle: Cycle | SeveralCycles, options: CycleOptions) -> str:

@@ -10,11 +10,10 @@ import dataclasses
 from typing import Literal, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import maximum
-from .._core.status import Status
+from .._core.status import Status, ended_in
 
 
 class Size(NamedTuple):
@@ -193,5 +192,4 @@ class CycleOptions(eqx.Module):
 
 def may_lack_room(status: Status) -> Bool[Array, "*n"]:
     """Whether a cycle that ended so may be found in a larger size."""
-    lacking = (Status.too_many_events, Status.not_converged)
-    return jnp.any(jnp.stack([status == outcome for outcome in lacking]), axis=0)
+    return ended_in(status, Status.too_many_events, Status.not_converged)

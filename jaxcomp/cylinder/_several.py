@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.extremes import clip, max_of
 from .._core.fields import replaced
 from .._core.results import Data, Result
-from .._core.status import Status
+from .._core.status import Status, ended_in
 from ..gas import AbstractGas
 from ._cycle import Cycle, nonzero, whole_cycle
 from ._cylinder import Case
@@ -284,9 +284,8 @@ def is_near(cycle: Cycle) -> Bool[Array, ""]:
 
 def is_solved(cycle: Cycle) -> Bool[Array, ""]:
     """Whether Newton's method found the cycle, be it one without delivery or of wet gas."""
-    return jnp.all(_is_found(cycle))
+    return _is_found(cycle).all()
 
 
 def _is_found(cycle: Cycle) -> Bool[Array, "*k"]:
-    failed = (Status.not_converged, Status.too_many_events, Status.bad_input)
-    return jnp.all(jnp.stack([cycle.status != outcome for outcome in failed]), axis=0)
+    return ~ended_in(cycle.status, Status.not_converged, Status.too_many_events, Status.bad_input)

@@ -15,7 +15,7 @@ from .._core.errors import BadInput
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.polynomials import gauss
 from .._core.roots import frozen
-from .._core.status import SolveFailed, Status
+from .._core.status import SolveFailed, Status, ended_in
 from ..mechanism import AbstractMechanism
 from ._climb import climbed, evidence, raise_where_unsolved
 from ._cycle import Cycle, values_only
@@ -94,7 +94,7 @@ def solve_cycle(
     else:
         # a pace is known on panels of its own, which are edges for the cycle
         cycle = solve(options)
-    if throw and bool(jnp.any(cycle.status != Status.converged)):
+    if throw and not np.all(ended_in(cycle.status, Status.converged)):
         raise SolveFailed(cycle.status, evidence(cycle, options))
     if not any(is_traced(leaf) for leaf in jax.tree.leaves(machine)):
         return cycle

@@ -1,6 +1,7 @@
 """Derivatives of efficiency and speed fluctuation with respect to every number of the machine."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from helpers import STENCIL, machine, named_leaves, nudged, solve_many
 
 from jaxcomp import Collocation, Shooting, solve_orbit
+from jaxcomp.crank import _solve_orbit
 
 FINE = Collocation(nodes=16)
 FINEST = Collocation(nodes=40)
@@ -143,3 +145,25 @@ def test_reverse_mode_through_shooting(point):
     # Differences through the other solver. With 40 nodes its own elasticities are good to 1e-7 (with
     # 16 nodes only to 4e-5, though its values are good to 4e-9); measured here: 1e-7.
     compare(named_leaves(gradient), differences(point, FINEST), point, 1e-6)
+
+
+def test_a_further_gradient_is_no_program_of_its_own(monkeypatch, point):
+    """An optimiser that steps outside of `jit` waits for compilers once."""
+    solved = []
+
+    def counted(*arguments):
+        solved.append(arguments)
+        return checked_orbit(*arguments)
+
+    def efficiency(factor):
+        radius = point.mechanism.crank_radius * factor
+        changed = eqx.tree_at(lambda machine: machine.mechanism.crank_radius, point, radius)
+        return solve_orbit(changed, FINE).mechanical_efficiency
+
+    checked_orbit = _solve_orbit._checked_orbit
+    monkeypatch.setattr(_solve_orbit, "_checked_orbit", counted)
+    jax.grad(efficiency)(1.0)
+    first = len(solved)
+    assert first > 0
+    jax.grad(efficiency)(1.01)
+    assert len(solved) == first
