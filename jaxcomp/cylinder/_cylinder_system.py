@@ -182,6 +182,10 @@ class Cylinders(eqx.Module):
             state=slopes, events=of_each.events.ravel(), force=of_each.force.ravel()
         )
 
+    def choking_margins(self, angle, state, flags) -> Float[Array, " 2k"]:
+        """[-] Of the ports of all cylinders; positive where none chokes or its valve is shut."""
+        return self.rates(angle, state, flags).choking.ravel()
+
     def _between_ends(
         self, angle, states: Float[Array, "k m"], speed=None
     ) -> tuple[Float[Array, "k 2"], Float[Array, "k 2"]]:

@@ -3,6 +3,7 @@
 The equations that their unknowns solve are those of `_cycle_collocation`.
 """
 
+from collections.abc import Callable
 from functools import cache, partial
 from typing import ClassVar, NamedTuple
 
@@ -13,7 +14,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 from numpy.polynomial import legendre
 
-from .._core.extremes import clip, max_of, maximum, minimum
+from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.fields import ANY, NONNEGATIVE, quantity
 from .._core.polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
@@ -46,10 +47,19 @@ def is_edge(record: Record) -> Bool[Array, " n"]:
     return (record.event >= 0) | (record.event == BEND)
 
 
-def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
+def lay_mesh(
+    record: Record, panels: int, nodes: int, kinks: Callable | None = None
+) -> tuple[Mesh, Unknowns]:
     """Panels after the steps of a march: at least one between events, more where steps are many.
 
     Given angles are edges as well, but no events: they do not move.
+
+    Args:
+        record: of a revolution.
+        panels: how many.
+        nodes: Gauss nodes on each.
+        kinks: (k,) functions of angle, state and branches at whose zeros the rates have a kink, which
+            are edges where any is free; none if absent.
     """
     used = jnp.isfinite(record.angle)
     happens = used & is_edge(record)
@@ -81,12 +91,56 @@ def lay_mesh(record: Record, panels: int, nodes: int) -> tuple[Mesh, Unknowns]:
     code = jnp.where(event >= 0, record.code[last_row], 0)
     mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
 
-    # the last point's row is the panel's own: rows of no width share an angle
     at = partial(within_steps, record)
+    if kinks is not None:
+        is_free = ~ends_interval[:-1]
+        edges = _with_kinks(kinks, at, edges, mesh.flags, is_free, nodes)
+    # the last point's row is the panel's own: rows of no width share an angle
     angle, _ = point_angles(edges, nodes)
     points = jax.vmap(jax.vmap(at))(angle)
     ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
     return mesh, Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
+
+
+def _with_kinks(
+    kinks: Callable, at: Callable, edges, flags, is_free: Bool[Array, " p-1"], nodes: int
+) -> Float[Array, " p+1"]:
+    """Edges of which free ones stand at the kinks of the rates next to them.
+
+    An edge at a kink need not move with it: what a panel misses of a kink that enters it grows with the
+    square of the way. Within a panel a kink costs an error of the panel's width squared.
+
+    Args:
+        kinks: as `lay_mesh` takes them.
+        at: the marched state at an angle.
+        edges: [rad] (p + 1,)
+        flags: (p, f) branches of the panels.
+        is_free: whether each inner edge is neither an event nor a given angle.
+        nodes: Gauss nodes on each panel.
+    """
+    angle, width = point_angles(edges, nodes)
+    angle = jnp.concatenate([edges[:-1, None], angle], axis=1)
+
+    def along(angles, flags):
+        return jax.vmap(lambda angle: kinks(angle, at(angle), flags))(angles)
+
+    values = jax.vmap(along)(angle, flags)
+    before, after = values[:, :-1], values[:, 1:]
+    crosses = (before > 0) != (after > 0)
+    share = before / jnp.where(crosses, before - after, 1.0)
+    gaps = jnp.diff(angle, axis=1)[..., None]
+    places = jnp.where(crosses, angle[:, :-1, None] + share * gaps, jnp.inf)
+    place = min_of(places.reshape(edges.size - 1, -1), axis=1)  # the first of a panel
+
+    is_inside = jnp.isfinite(place) & (width > 1e-7)
+    nearer_left = place - edges[:-1] < 0.5 * width
+    left_is_free = jnp.concatenate([jnp.zeros(1, bool), is_free])
+    right_is_free = jnp.concatenate([is_free, jnp.zeros(1, bool)])
+    takes_left = is_inside & left_is_free & (nearer_left | ~right_is_free)
+    takes_right = is_inside & right_is_free & ~takes_left
+    inner = jnp.where(takes_left[1:], place[1:], edges[1:-1])
+    inner = jnp.where(takes_right[:-1], place[:-1], inner)
+    return edges.at[1:-1].set(inner)
 
 
 def point_angles(edges, nodes: int):

@@ -23,7 +23,14 @@ from .._core.each import mapped
 from .._core.extremes import clip, max_of, maximum, minimum
 from ..fluid import GasState
 from ..valve import AbstractValve, Oscillator
-from ..valve._flow import Side, choose, port_acceleration, quasi_steady_flow, throat_density
+from ..valve._flow import (
+    Side,
+    choking_margin,
+    choose,
+    port_acceleration,
+    quasi_steady_flow,
+    throat_density,
+)
 from ._cylinder import Case, side_of
 from ._plenum import PlenumChain, valve_sides
 from .heat._heat_transfer import HeatInput
@@ -80,6 +87,7 @@ class Rates(NamedTuple):
     # [kg/s] and [W] through suction and discharge valve, forward; then [W] from the wall to the gas
     # before the one and behind the other
     streams: Float[Array, " 6"]
+    choking: Float[Array, " 2"]  # margin of either port that is open, as `choking_margin` gives it
 
 
 class _Valves(NamedTuple):
@@ -91,6 +99,7 @@ class _Valves(NamedTuple):
     events: Float[Array, "2 4"]
     force: Float[Array, " 2"]
     is_open: Float[Array, " 2"]
+    choking: Float[Array, " 2"]
 
 
 def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
@@ -200,6 +209,7 @@ def rates(
         valves.force,
         inside.p,
         jnp.concatenate([through, jnp.stack(to_plenums)]),
+        valves.choking,
     )
 
 
@@ -318,9 +328,15 @@ def _valve(
         watched = is_open > 0
         events[2] = jnp.where(watched, u_sign * u, unity)
         events[3] = jnp.where(watched | known_shut, p_sign * difference, unity)
-    enthalpy = jnp.where(forward, a.h, b.h)
-    rates = jnp.stack([x_1, v_1, u_1])
-    return _Valves(flow, enthalpy, rates, jnp.stack(events), force, is_open)
+    return _Valves(
+        flow=flow,
+        enthalpy=jnp.where(forward, a.h, b.h),
+        rates=jnp.stack([x_1, v_1, u_1]),
+        events=jnp.stack(events),
+        force=force,
+        is_open=is_open,
+        choking=jnp.where(is_open > 0, choking_margin(a, b), 1.0),
+    )
 
 
 def _push(valve: AbstractValve, moving: Oscillator, lift, by_gas, angle) -> Float[Array, ""]:

@@ -18,7 +18,7 @@ from ._cylinder_system import Cylinders
 from ._event_panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
 from ._gas_balance import EVENTS, FLAGS, Accounts
 from ._march import Record
-from ._revolutions import START, TURN, march
+from ._revolutions import START, TURN, March, march
 from ._several import NEAR
 
 
@@ -32,9 +32,18 @@ def count_events(record: Record) -> Int[Array, "2"]:
     return jnp.stack([jnp.sum(happens & ~discharge), jnp.sum(happens & discharge)])
 
 
-def laid(end, options: CycleOptions) -> tuple[Mesh, Unknowns, Array]:
-    """Panels after a march, whether they have room for it among them, and the events of the valves."""
-    mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes)
+def laid(
+    system: Cylinders, end: March, options: CycleOptions
+) -> tuple[Mesh, Unknowns, Int[Array, "2"]]:
+    """Panels after a march, whether they have room for it among them, and the events of the valves.
+
+    Args:
+        system: the cylinders that were marched.
+        end: of the march.
+        options: of the solver.
+    """
+    kinks = system.choking_margins
+    mesh, z = lay_mesh(end.record, options.panel_count, options.panel_nodes, kinks)
     events = count_events(end.record)
     steps = jnp.where(end.complete, 0, options.kept_steps + 1)
     return mesh._replace(fits=mesh.fits & options.has_room(jnp.sum(events), steps)), z, events
@@ -152,8 +161,9 @@ def rounds_of(
         tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
         is_marched = ~(previous.solved | ready)
+        marched = lines.marched(system, waves)
         end = march(
-            lines.marched(system, waves),
+            marched,
             options,
             tolerance,
             repeat,
@@ -163,7 +173,7 @@ def rounds_of(
             few,
             tuple(watched),
         )
-        after_march = *laid(end, options), end.totals, end.change <= repeat
+        after_march = *laid(marched, end, options), end.totals, end.change <= repeat
         if start is not None:
             of_start = start.mesh, start.z, start.events, start.totals, start.repeats
             after_march = jax.tree.map(partial(jnp.where, ready), of_start, after_march)

@@ -378,7 +378,7 @@ def _march_only(
         jnp.asarray(True),
         options.revolutions_at_most,
     )
-    mesh, z, events = laid(end, options)
+    mesh, z, events = laid(system, end, options)
     return CycleSolution(
         mesh=mesh,
         z=z,

@@ -107,6 +107,14 @@ def throat_density(a: Side, b: Side, pressure_sign, velocity_sign) -> Float[Arra
     return up.rho * q ** (1 / up.kappa)
 
 
+def choking_margin(a: Side, b: Side) -> Float[Array, ""]:
+    """[-] Pressure ratio of a nozzle between two sides, less that at which it chokes."""
+    forward = a.p > b.p
+    high = choose(forward, a, b)
+    low = choose(forward, b, a)
+    return low.p / high.p - critical_ratio(high.kappa)
+
+
 def critical_ratio(kappa):
     """Pressure ratio at which a nozzle chokes; 1/sqrt(e) for kappa = 1."""
     # r_c = (1 + y)^(-kappa/(2 y)).

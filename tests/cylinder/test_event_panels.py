@@ -1,0 +1,91 @@
+"""Panels of a revolution: where their edges stand."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcomp import load
+from jaxcomp._core.fields import replaced
+from jaxcomp.cylinder import solve_cycle
+from jaxcomp.cylinder._event_panels import lay_mesh
+from jaxcomp.cylinder._march import Record
+from jaxcomp.cylinder._revolutions import START, TURN
+
+STEPS = 24
+PANELS = 12
+# where a valve has an event, at the end of a step
+EVENT_STEP = 9
+
+
+@pytest.fixture
+def record():
+    """A march in steps of one width, of a state that is the angle itself."""
+    angle = START + TURN * jnp.arange(STEPS) / STEPS
+    width = jnp.full(STEPS, TURN / STEPS)
+    ones = jnp.ones((STEPS, 1))
+    event = jnp.full(STEPS, -1).at[EVENT_STEP].set(0)
+    return Record(
+        angle=angle,
+        width=width,
+        begin=angle[:, None],
+        end=(angle + width)[:, None],
+        begin_rate=ones,
+        end_rate=ones,
+        flags=jnp.zeros((STEPS, 6), int),
+        event=event,
+        code=jnp.zeros(STEPS, int),
+    )
+
+
+def at_angles(*places):
+    """Functions that vanish at angles."""
+    return lambda angle, state, flags: state[0] - jnp.asarray(places)
+
+
+def test_kinks_are_edges(record):
+    places = START + TURN * np.array([0.137, 0.72])
+    mesh, z = lay_mesh(record, PANELS, 4, at_angles(*places))
+    edges = np.asarray(z.edges)
+    # straight lines, whose zeros are known to rounding
+    np.testing.assert_allclose([np.min(np.abs(edges - place)) for place in places], 0, atol=1e-13)
+    assert np.all(np.diff(edges) > 0)
+    # the state at the left edges is that of the march
+    np.testing.assert_allclose(z.left[:, 0], edges[:-1], rtol=1e-13)
+    event_edge = edges[1:][np.asarray(mesh.event) == 0]
+    np.testing.assert_allclose(event_edge, record.angle[EVENT_STEP + 1], rtol=1e-15)
+
+
+def test_events_stay_where_they_are(record):
+    event = float(record.angle[EVENT_STEP + 1])
+    plain = lay_mesh(record, PANELS, 4)[1].edges
+    before = np.max(plain[plain < event - 1e-9])
+    # nearer to the event than to the other end of its panel
+    place = event - 0.2 * (event - before)
+    edges = np.asarray(lay_mesh(record, PANELS, 4, at_angles(place))[1].edges)
+    assert np.min(np.abs(edges - event)) < 1e-14
+    assert np.min(np.abs(edges - place)) < 1e-13
+    assert np.min(np.abs(edges - before)) > 1e-3  # it is the other end that moved
+
+
+def test_without_kinks_no_edge_moves(record):
+    plain = lay_mesh(record, PANELS, 4)[1].edges
+    np.testing.assert_array_equal(lay_mesh(record, PANELS, 4, at_angles(99.0))[1].edges, plain)
+
+
+@pytest.mark.slow  # a value and a gradient of a machine with valves, half a minute
+def test_slopes_where_a_port_chokes():
+    compressor = load("mayekawa-wbhe-r22").as_compressor()
+
+    def work(factor):
+        radius = compressor.mechanism.crank_radius * factor
+        mechanism = replaced(compressor.mechanism, crank_radius=radius)
+        clearance = compressor.gas.clearance_ratio * factor
+        gas = replaced(compressor.gas, clearance_ratio=clearance)
+        return solve_cycle(gas, mechanism, 200 * np.pi).indicated_work  # 6,000 rpm
+
+    slope = jax.grad(work)(1.0)
+    step = 3e-4  # leaves 1e-7
+    difference = (work(1 + step) - work(1 - step)) / (2 * step)
+    # 1.2e-4 on the panels of the first size; with the kinks within panels 1e-3
+    np.testing.assert_allclose(slope, difference, rtol=3e-4)
