@@ -4,14 +4,17 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, Int
 
-from .._core.extremes import clip, maximum, minimum
+from .._core.extremes import clip, maximum, min_of, minimum
 from .._core.polynomials import cubic_step, quintic_step
 from ._cylinder import Case
 from ._gas_balance import EVENTS, FREE, SEAT, STATES, STOP, valve_scales
 
 _LONGEST = 0.3  # [rad] step
+# Towards the instant at which a valve reverses.
+_SECANT_STEPS = 3
 
 
 def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[Array, " 8"]):
@@ -90,27 +93,30 @@ def passed(ends, slopes, width, flags, least):
     The turn by the cubic of the velocity, the lift there by the quintic: of a step of a tenth of the
     valve's period that errs by 2e-6 of the amplitude.
     """
-    earliest = jnp.asarray(jnp.inf)
-    for which in range(2):
-        x, v = 2 + 3 * which, 3 + 3 * which
-        # the lift's rate is the velocity but for the unevenness of the crank
-        first_rate = slopes[0][x]
-        last_rate = slopes[1][x]
-        turns = (first_rate * last_rate < 0) & (flags[3 * which] == FREE)
-        change = jnp.where(turns, ends[1][v] - ends[0][v], 1.0)
-        pace = (last_rate - first_rate) / change
-        bends = slopes[0][v] * pace, slopes[1][v] * pace
-        t = first_rate / jnp.where(turns, first_rate - last_rate, 1.0)
-        for _ in range(
-            3
-        ):  # secant steps: an error of the instant of reversal counts with its square
-            rate = cubic_step(t, width, (first_rate, last_rate), bends)
-            t = clip(t + rate / jnp.where(turns, first_rate - last_rate, 1.0), 0.0, 1.0)
-        top = quintic_step(t, width, (ends[0][x], ends[1][x]), (first_rate, last_rate), bends)
-        excess = jnp.where(first_rate > 0, top - 1, -top)
-        beyond = turns & (excess > least)
-        # before the valve reverses, where three quarters of the excess are reached on the way there
-        bend = jnp.abs((last_rate - first_rate) / width)
-        back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
-        earliest = minimum(earliest, jnp.where(beyond, maximum(t - back, 0.5 * t), jnp.inf))
-    return earliest
+    lifts, velocities = _of_valves(ends)
+    # the lift's rate is the velocity but for the unevenness of the crank
+    rates, accelerations = _of_valves(slopes)
+    turns = (rates[0] * rates[1] < 0) & (flags[::3] == FREE)
+    drop = jnp.where(turns, rates[0] - rates[1], 1.0)
+    pace = (rates[1] - rates[0]) / jnp.where(turns, velocities[1] - velocities[0], 1.0)
+    bends = accelerations * pace
+
+    def secant_step(_, t):
+        return clip(t + cubic_step(t, width, rates, bends) / drop, 0.0, 1.0)
+
+    # an error of the instant of reversal counts with its square; unrolled, XLA copies the steps into
+    # everything that needs their result
+    t = lax.fori_loop(0, _SECANT_STEPS, secant_step, rates[0] / drop)
+    top = quintic_step(t, width, lifts, rates, bends)
+    excess = jnp.where(rates[0] > 0, top - 1, -top)
+    beyond = turns & (excess > least)
+    # before the valve reverses, where three quarters of the excess are reached on the way there
+    bend = jnp.abs((rates[1] - rates[0]) / width)
+    back = jnp.sqrt(jnp.where(beyond, excess, 0.0) / 2 / jnp.where(beyond, bend, 1.0)) / width
+    return min_of(jnp.where(beyond, maximum(t - back, 0.5 * t), jnp.inf))
+
+
+def _of_valves(states):
+    """Lifts and velocities of both valves at begin and end of a step, or their rates: (2, 2) each."""
+    of_valves = jnp.stack(states)[:, 2:STATES].reshape(2, 2, 3)
+    return of_valves[:, :, 0], of_valves[:, :, 1]
