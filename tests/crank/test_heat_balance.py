@@ -6,15 +6,24 @@ import equinox as eqx
 import numpy as np
 import pytest
 from crank.test_warming import SOLVER, warmed
+from cylinder import test_double_acting, test_load_steps, test_piped_cycles
 from cylinder.test_cylinders_with_valves import TWIN
 from cylinder.test_shared_plenums import SOLVER as SHARED
 from cylinder.test_shared_plenums import twin
 from cylinder.test_transient_valves import BEHIND, MUFFLER, with_plenums
+from reference_pipes import SPEED as PIPED_SPEED
+from reference_pipes import crank as piped_crank
+from reference_pipes import cylinder as piped_cylinder
+from reference_pipes import suction_pipe
 
-from jaxcomp import load, solve_orbit
+from jaxcomp import Compressor, load, solve_orbit
 from jaxcomp.crank import performance
-from jaxcomp.cylinder import LaminarGap, WallNetwork
+from jaxcomp.crankshaft import Crankshaft
+from jaxcomp.cylinder import LaminarGap, LoadStep, WallNetwork
+from jaxcomp.machine import Machine
+from jaxcomp.motor import ConstantSpeed, MotorEfficiency
 from jaxcomp.scene import with_value, with_values
+from jaxcomp.study import load_steps
 
 # The iteration of the rise stops at 1e-10 of 100 K, of 5 to 60 K here; without a law the cycle's own
 # balance is left, 1e-10 on the panels of these machines.
@@ -121,3 +130,43 @@ def test_power_becomes_heat_where_the_cycle_is_marched():
     assert orbit.cycle.solver == "march"
     # the rise is within 1e-6 of 100 K of what follows from it, and the march repeats within 1e-7
     assert abs(answer.heat_closure) < 1e-5
+
+
+def with_motor_losses(machine):
+    """The machine with losses of its motor, which surroundings have to take."""
+    losses = MotorEfficiency(efficiency=[0.9], fixed_power=50.0)
+    return dataclasses.replace(machine, motor=dataclasses.replace(machine.motor, losses=losses))
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_in_a_double_acting_cylinder():
+    """Gas leaks past the rings from end to end, and by the packing to the surroundings."""
+    machine = with_motor_losses(test_double_acting.throw(test_double_acting.cylinder()))
+    orbit, answer = balance_of(machine)
+    assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
+    # the losses of the motor alone would be a tenth and 50 W of it
+    assert float(answer.heat["surroundings"]) > 0.1 * float(answer.electric_power)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_at_a_load_step():
+    """With a pocket at the head end, and with its suction valve held open."""
+    steps = (
+        LoadStep("pocket", pockets=[1.0, 0.0]),
+        LoadStep("head end", unloaded=[0.0, 1.0]),
+    )
+    machine = with_motor_losses(test_load_steps.throw(test_load_steps.cylinder(load_steps=steps)))
+    table = load_steps(Machine(machine))
+    for state in table.states:
+        orbit = state.orbit
+        answer = performance(state.compressor, orbit)
+        assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
+
+
+@pytest.mark.slow  # a minute of compilation
+def test_power_becomes_heat_with_pipes_at_both_valves():
+    gas = piped_cylinder(suction_pipe(1.8), test_piped_cycles.discharge_pipe())
+    motor = ConstantSpeed(PIPED_SPEED)
+    machine = with_motor_losses(Compressor(piped_crank(), Crankshaft(0.05), motor, gas))
+    orbit, answer = balance_of(machine)
+    assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
