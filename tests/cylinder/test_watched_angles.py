@@ -1,5 +1,7 @@
 """A step of the march that dips beyond an event and out again does not pass over a watched angle."""
 
+from pathlib import Path
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -68,6 +70,7 @@ def test_a_shut_valve_that_lifts_for_a_moment_is_found_in_the_next_round():
 
     Newton's method left its branch in all rounds, the march stood, and derivatives were refused.
     """
-    machine = with_value(load("carlyle-06dm313"), "motor.mean_speed", "900 rpm")
+    machine = load(Path(__file__).with_name("lifting_valve.toml"))
+    machine = with_value(machine, "motor.mean_speed", "900 rpm")
     orbit = solve_orbit(machine)
     assert orbit.cycle.solver == "collocation"

@@ -24,13 +24,14 @@ RECIPE: dict[str, tuple[float, float, float | None]] = {
     "gas.clearance_ratio": (0.2, 4.0, 0.5),
     "motor.losses.efficiency": (0.7, 1.08, 0.05),
     "motor.losses.fixed_power": (0.05, 20.0, 0.5),
-    "friction.*.coefficient": (0.05, 20.0, 1.0),
-    "gas.suction.warming.loss_share": (0.1, 1.6, 0.4),
-    "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.0),
-    "gas.leakage.gap": (0.1, 4.0, 0.5),
-    # 0.2 to 1.8 for 0.65, beyond what a port has by itself: the size of the ports is not known either
-    "gas.suction_valve.flow_coefficient": (0.31, 2.77, 0.7),
-    "gas.discharge_valve.flow_coefficient": (0.31, 2.77, 0.7),
+    "friction.*.coefficient": (0.05, 20.0, 0.5),
+    # a hermetic shell has most of the losses and ten times the conductance of a motor cooled by air
+    "gas.suction.warming.loss_share": (0.1, 1.6, 0.8),
+    "gas.suction.warming.discharge_conductance": (0.05, 20.0, 1.5),
+    "gas.leakage.gap": (0.1, 4.0, 0.8),
+    # 0.13 to 2.6 for 0.65, beyond what a port has by itself: the size of the ports is not known either
+    "gas.suction_valve.flow_coefficient": (0.2, 4.0, 1.0),
+    "gas.discharge_valve.flow_coefficient": (0.2, 4.0, 1.0),
 }
 # [-] Volumetric efficiency by which the machine gets its size, before anything is fitted.
 _FILLING = 0.8
