@@ -8,8 +8,8 @@ square and largest error of the points that were not fitted, and the share of th
 intervals; then chi-square, its p-value and time.
 
 By name alone: 06dm316 and 06dr724, machines that are not bundled and by which nothing was chosen, of the
-same collection (`maps`); and trap-unit and trap-liquid, maps that are wrong in half of their rows, which
-are to be rejected.
+same collection (`maps`); and trap-unit and trap-liquid, maps that are wrong in two of their rows, which
+are to be rejected: two of the four that are fitted, or with -12 two of all twelve.
 """
 
 import argparse
@@ -147,8 +147,11 @@ def main(rows, starts) -> None:
         ("trap-unit", in_btu_per_second),
         ("trap-liquid", rated_with_subcooled_liquid),
     ):
+        wrong = trap(points("06dm313_r22", slow, R22))
         if label in rows:
-            row(label, slow, [trap(points("06dm313_r22", slow, R22))], [FOUR], starts)
+            row(label, slow, [wrong], [FOUR], starts)
+        if f"{label}-12" in rows:
+            row(f"{label}-12", slow, [wrong], [wrong.names], starts)
     hermetic = template(gas__fluid__name="R134a", motor__mean_speed="3000 rpm")
     for label, chosen in (("vtz-4", VTZ_4), ("vtz-9", VTZ_9)):
         if label in rows:
@@ -182,7 +185,7 @@ def carried(machine, ahead):
 
 
 ROWS = ("06dm313", "3db3", "crk3", "vtz-4", "vtz-9", "vtz-speeds", "vtz-factors", "06dr316")
-BY_NAME = "06dm316", "06dr724", "trap-unit", "trap-liquid"
+BY_NAME = "06dm316", "06dr724", "trap-unit", "trap-liquid", "trap-unit-12", "trap-liquid-12"
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
