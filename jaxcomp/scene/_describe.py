@@ -181,8 +181,9 @@ _CYCLE: tuple[_Ratio, ...] = (
 _VALVE: tuple[_Ratio, ...] = (
     ("stop over port_diameter", lambda v: v.stop / v.port_diameter, 0.01, 0.5),
     ("preload over stop", lambda v: v.preload / v.stop, 0.0, 3.0),
+    # 0.03 where a diameter stands for many small ports together, whose columns of gas are short
     ("port_length over port_diameter", lambda v: (v.port_length or v.port_diameter) / v.port_diameter,
-     0.1, 5.0),
+     0.03, 5.0),
     ("natural frequency, Hz",
      lambda v: np.sqrt(v.oscillator.stiffness / v.oscillator.mass) / (2 * np.pi), 10.0, 2000.0),
 )  # fmt: skip
