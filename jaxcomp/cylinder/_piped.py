@@ -77,6 +77,9 @@ class PipedLines(AbstractLines):
         wide = is_too_wide(system.first, z.edges, system.orders)
         return wide | (resolution(z) > COARSE)
 
+    def revolutions(self, count, memory):
+        return jnp.where(memory.is_linearised, 1, count)
+
     def memory(self, waves):
         false = jnp.asarray(False)
         return Memory(blank_border(waves), false, jnp.asarray(jnp.inf), jnp.zeros((), int))

@@ -115,6 +115,11 @@ class AbstractLines(eqx.Module):
     def is_coarse(self, system: Cylinders, z: Unknowns) -> Bool[Array, ""]:
         """Whether panels resolve too little."""
 
+    def revolutions(self, count: int, memory) -> int | Int[Array, ""]:
+        """Revolutions of a march at most."""
+        del memory
+        return count
+
     def memory(self, waves) -> Any:
         """What rounds remember of those before."""
         del waves
@@ -196,7 +201,7 @@ def rounds_of(
             state,
             flags,
             is_marched,
-            few,
+            lines.revolutions(few, memory),
             tuple(watched),
         )
         after_march = *laid(marched, end, options), end.totals, end.change <= repeat
