@@ -450,6 +450,8 @@ class BorderEquations(AbstractEquations):
     # A first step by more than a stop of a valve does not come back, or to other branches: its waves are
     # followed as far as is safe, and the next march meets them.
     lost: ClassVar[float] = 1.0
+    # Another Jacobian costs as much as five steps.
+    fast: ClassVar[float] = 0.3
 
     system: Cylinders
     mesh: Mesh

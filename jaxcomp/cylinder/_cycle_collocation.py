@@ -272,6 +272,8 @@ class AbstractEquations(eqx.Module):
     mesh: eqx.AbstractVar[Mesh]
     # [-] A step beyond this has lost the solution.
     lost: ClassVar[float] = LOST
+    # [-] A step below this part of the one before is taken with the same Jacobian.
+    fast: ClassVar[float] = FAST
 
     @abstractmethod
     def linearise(self, unknowns) -> tuple[Any, Any]:
@@ -364,7 +366,7 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
         def fast(carry):
             _, _, size, previous_size, count, *_ = carry
             shrinks_fast = (
-                (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
+                (size > tolerance) & (size < equations.fast * previous_size) & (count <= MOST_WITH_ONE)
             )
             return shrinks_fast | (count == 0)
 

@@ -29,7 +29,8 @@ _ROUNDS = 6
 # [-] Step of the waves below which Newton's method is asked, and marches before it at most.
 _SETTLED = 5e-5
 _MOST_MARCHES = 8
-# A step that is not this much smaller than the one before wants equations that are linearised anew.
+# A step that is not this much smaller than the second before it wants equations that are linearised anew.
+# The one before says less: a march of one revolution has not forgotten where it began.
 _SHRINKING = 0.5
 
 
@@ -39,13 +40,13 @@ class Memory(NamedTuple):
     Attributes:
         border: factors of the condensed equations.
         is_linearised: whether there were any.
-        size: [-] of the last step with them.
+        sizes: [-] of the second last step with them and of the last.
         count: steps with them.
     """
 
     border: tuple[Array, Array]
     is_linearised: Bool[Array, ""]
-    size: Float[Array, ""]
+    sizes: Float[Array, "2"]
     count: Int[Array, ""]
 
 
@@ -82,7 +83,7 @@ class PipedLines(AbstractLines):
 
     def memory(self, waves):
         false = jnp.asarray(False)
-        return Memory(blank_border(waves), false, jnp.asarray(jnp.inf), jnp.zeros((), int))
+        return Memory(blank_border(waves), false, jnp.full(2, jnp.inf), jnp.zeros((), int))
 
     def approach(self, system, mesh, z, waves, memory):
         def step(_):
@@ -95,7 +96,7 @@ class PipedLines(AbstractLines):
         change = lax.cond(memory.is_linearised, step, none, None)
         parts = [max_of(jnp.abs(part)) for part in jax.tree.leaves(change) if part.size]
         size = max_of(jnp.stack(parts))
-        shrinks = jnp.isfinite(size) & (size < _SHRINKING * memory.size)
+        shrinks = jnp.isfinite(size) & (size < _SHRINKING * memory.sizes[0])
         goes_on = shrinks & (size > _SETTLED) & (memory.count < _MOST_MARCHES)
         return Approach(goes_on & memory.is_linearised, limited(waves, change), size)
 
@@ -104,7 +105,7 @@ class PipedLines(AbstractLines):
         return Memory(
             border=jax.tree.map(partial(jnp.where, is_new), report.border, memory.border),
             is_linearised=memory.is_linearised | is_new,
-            size=jnp.where(is_new, jnp.inf, approach.size),
+            sizes=jnp.where(is_new, jnp.inf, jnp.append(memory.sizes[1], approach.size)),
             count=jnp.where(is_new, 0, memory.count + 1),
         )
 
