@@ -411,8 +411,15 @@ def chord_step(
         responses: of networks that do not change with their waves.
         border: factors of the condensed equations.
     """
-    remainder = evaluate(system, mesh, z, waves, responses)[0].waves
-    vector, unpacked = _packed(remainder)
+    system = system.with_waves(waves)
+
+    def law(angle, state, flags):
+        return system.observe(angle, state, flags)[1]
+
+    observed = at_points(law, mesh, z)[:, :-1]
+    flows = observed_harmonics(system, observed, harmonic_weights(system, z))
+    answer = answers(lines_of(system.shared), waves, flows, responses)
+    vector, unpacked = _packed(jax.tree.map(jnp.subtract, waves, answer))
     return unpacked(-solve_border(border, vector))
 
 

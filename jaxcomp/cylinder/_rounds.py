@@ -93,6 +93,11 @@ class Approach(NamedTuple):
 class AbstractLines(eqx.Module):
     """The lines as the rounds meet them: with waves that are unknown beside the panels, or none."""
 
+    def prepared(self, system: Cylinders) -> "AbstractLines":
+        """These lines with what all rounds share."""
+        del system
+        return self
+
     @abstractmethod
     def rounds(self, options: CycleOptions) -> int:
         """Rounds at most."""
@@ -255,6 +260,7 @@ def rounds_of(
         *_, solution, rounds = carry
         return ~solution.solved & (rounds < max_rounds)
 
+    lines = lines.prepared(system)
     state, flags = system.initial(START)
     waves = lines.waves_at_rest(system)
     no_solution_yet = blank_solution(system.count, system.size, options)._replace(waves=waves)
