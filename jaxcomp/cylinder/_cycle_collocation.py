@@ -366,7 +366,9 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
         def fast(carry):
             _, _, size, previous_size, count, *_ = carry
             shrinks_fast = (
-                (size > tolerance) & (size < equations.fast * previous_size) & (count <= MOST_WITH_ONE)
+                (size > tolerance)
+                & (size < equations.fast * previous_size)
+                & (count <= MOST_WITH_ONE)
             )
             return shrinks_fast | (count == 0)
 

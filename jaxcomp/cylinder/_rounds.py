@@ -129,7 +129,9 @@ class AbstractLines(eqx.Module):
         """What rounds remember of those before."""
         del waves
 
-    def approach(self, system: Cylinders, mesh: Mesh, z: Unknowns, waves, memory) -> Approach | None:
+    def approach(
+        self, system: Cylinders, mesh: Mesh, z: Unknowns, waves, memory
+    ) -> Approach | None:
         """Step of the waves by what earlier rounds have found out; `None` of lines without any."""
         del system, mesh, z, waves, memory
 

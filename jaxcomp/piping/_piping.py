@@ -91,13 +91,13 @@ class Piping(Part):
                 place = f"{entry}.{number}.node"
                 if element.node not in joined:
                     names = ", ".join(f'"{node}"' for node in self.nodes)
-                    raise BadInput(place, f'"{element.node}"', f"a node of the pipes: {names}")
+                    raise BadInput(place, element.node, f"a node of the pipes: {names}")
                 if element.node == LINE:
                     bound = f'another node than "{LINE}", whose pressure is given'
-                    raise BadInput(place, f'"{LINE}"', bound)
+                    raise BadInput(place, LINE, bound)
         for number, run in enumerate(self.runs):
             if not set(run.nodes) <= joined:
-                unknown = ", ".join(f'"{node}"' for node in run.nodes if node not in joined)
+                unknown = ", ".join(node for node in run.nodes if node not in joined)
                 raise BadInput(f"runs.{number}.nodes", unknown, "nodes of the pipes")
 
     def _check_shaken(self):
@@ -107,16 +107,16 @@ class Piping(Part):
             name = "-".join(vessel.ends)
             if names.count(name) > 1:
                 bound = f"other nodes than those of another vessel or run: {name} is one force"
-                raise BadInput(f"vessels.{number}.nodes", str(list(vessel.nodes)), bound)
+                raise BadInput(f"vessels.{number}.nodes", ", ".join(vessel.nodes), bound)
 
     def _check_ends(self):
         numbers = {}
         for number, end in enumerate(self.ends):
             if end.node in self.flanges:
                 bound = "another node than a flange, which the valves end"
-                raise BadInput(f"ends.{number}.node", f'"{end.node}"', bound)
+                raise BadInput(f"ends.{number}.node", end.node, bound)
             if end.node in numbers:
-                value = f'"{end.node}", {end.kind}'
+                value = f"{end.node}, {end.kind}"
                 bound = f"a node without an end: ends.{numbers[end.node]} is there already"
                 raise BadInput(f"ends.{number}.node", value, bound)
             numbers[end.node] = number
@@ -128,12 +128,12 @@ class Piping(Part):
                 for node in duct.nodes:
                     if node not in reached:
                         bound = f'joined to "{LINE}" by pipes or orifices; "{node}" leads nowhere'
-                        raise BadInput(f"{entry}.{number}.nodes", f'"{node}"', bound)
+                        raise BadInput(f"{entry}.{number}.nodes", node, bound)
         for number, orifice in enumerate(self.orifices):
             for node in orifice.nodes:
                 if node not in reached or node not in self._ends_of_others(orifice):
                     bound = f'joined to "{LINE}" as well: "{node}" leads nowhere'
-                    raise BadInput(f"orifices.{number}.nodes", f'"{node}"', bound)
+                    raise BadInput(f"orifices.{number}.nodes", node, bound)
 
     def _ends_of_others(self, orifice: Orifice) -> set[str]:
         """Names of nodes that other elements have, and of the line."""
@@ -144,7 +144,7 @@ class Piping(Part):
         return nodes
 
     def _names(self) -> str:
-        return ", ".join(f'"{node}"' for node in self.nodes)
+        return ", ".join(self.nodes)
 
     def edges(self) -> Iterator[tuple[str, str]]:
         """Pairs of nodes that a pipe, a vessel or an orifice joins."""

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
+from ._nodes import check_nodes
 
 
 class Orifice(Part):
@@ -47,8 +48,7 @@ class Orifice(Part):
     )
 
     def __check_init__(self):
-        if len(self.nodes) != 2 or self.nodes[0] == self.nodes[1]:
-            raise BadInput("nodes", str(list(self.nodes)), "two different names")
+        check_nodes(self.nodes, pair=True)
         if (self.diameter is None) == (self.resistance is None):
             value = "neither" if self.diameter is None else "both"
             raise BadInput("diameter", value, "given, or `resistance` in its place: one of them")

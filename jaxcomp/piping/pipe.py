@@ -24,6 +24,7 @@ from .._core.errors import BadInput
 from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, Bound, Part, quantity, spread_columns
 from ._gas import PipeGas
+from ._nodes import check_nodes
 
 # [-] Shear number up to which the continued fraction holds with so many terms: 2e-24 at 12.
 _SERIES = 14.0
@@ -77,14 +78,10 @@ class Pipes(Part):
     )
 
     def __post_init__(self):
-        if len(self.nodes) < 2:
-            raise BadInput("nodes", str(list(self.nodes)), "two names or more")
+        check_nodes(self.nodes, may_return=True)
         spread_columns(self, len(self.nodes) - 1, "gaps between nodes")
 
     def __check_init__(self):
-        for first, second in zip(self.nodes, self.nodes[1:], strict=False):
-            if first == second:
-                raise BadInput("nodes", f'"{first}" twice in a row', "another name for each end")
         if self.attenuation is not None and self.roughness is not None:
             bound = "absent beside `attenuation`, which stands for all losses: give one of them"
             raise BadInput("roughness", self.roughness, bound)

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import ANY, Part, is_traced, quantity
+from ._nodes import check_nodes
 
 
 class Run(Part):
@@ -35,8 +36,7 @@ class Run(Part):
     direction: Float[Array, "3"] | None = quantity("", ANY, shape=(3,), default=None)
 
     def __check_init__(self):
-        if len(self.nodes) != 2 or self.nodes[0] == self.nodes[1]:
-            raise BadInput("nodes", str(list(self.nodes)), "two different names")
+        check_nodes(self.nodes, pair=True)
         check_direction(self.direction)
 
     @property

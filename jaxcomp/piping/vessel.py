@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import ANY, NONNEGATIVE, Bound, Part, is_traced, quantity, spread_columns
+from ._nodes import check_nodes
 from .run import check_direction
 
 
@@ -64,8 +65,7 @@ class Vessel(Part):
     direction: Float[Array, "3"] | None = quantity("", ANY, shape=(3,), default=None)
 
     def __post_init__(self):
-        if len(self.nodes) < 2 or len(set(self.nodes)) < len(self.nodes):
-            raise BadInput("nodes", str(list(self.nodes)), "two different names or more")
+        check_nodes(self.nodes)
         spread_columns(self, len(self.nodes) - 1, "gaps between nodes")
 
     def __check_init__(self):

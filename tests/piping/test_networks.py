@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxcomp import BadInput
 from jaxcomp.fluid import PerfectGas
 from jaxcomp.piping import (
     AnechoicEnd,
@@ -16,6 +17,8 @@ from jaxcomp.piping import (
     PipeGas,
     Pipes,
     Piping,
+    Run,
+    Vessel,
     Volume,
     flange_limit,
     impedances,
@@ -458,3 +461,26 @@ def test_a_branched_network_has_as_many_resonances_as_its_length_tells():
         if balance(low) * balance(high) < 0:
             roots.append(optimize.brentq(balance, low, high, xtol=1e-10))
     np.testing.assert_allclose(lowest.frequency, roots[:4], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("element", "nodes"),
+    [
+        (Pipes, ("flange",)),
+        (Pipes, ("flange", "flange")),
+        (Vessel, ("left", "right", "left")),
+        (Orifice, ("far", "far")),
+        (Orifice, ("far", "middle", "line")),
+        (Run, ("tee",)),
+    ],
+)
+def test_nodes_of_an_element_differ(element, nodes):
+    numbers = {Orifice: {"resistance": 1.0}, Run: {}}.get(element, {"length": 1.0, "diameter": 0.1})
+    with pytest.raises(BadInput, match="`nodes` must be two") as caught:
+        element(nodes, **numbers)
+    assert str(caught.value).endswith(f"but is {', '.join(nodes)}.")
+
+
+def test_a_chain_of_pipes_may_come_back():
+    ring = Pipes(("flange", "tee", "bend", "tee", "line"), 1.0, 0.05)
+    assert Piping((ring,)).nodes == ("flange", "tee", "bend", "line")

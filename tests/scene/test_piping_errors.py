@@ -132,3 +132,5 @@ def test_what_is_wrong_is_named(old, new, key, words):
         loads(text.replace(old, new))
     assert key in str(caught.value)
     assert words in str(caught.value)
+    # a name has quotes of its own nowhere
+    assert '""' not in str(caught.value)
