@@ -35,7 +35,7 @@ _SHRINKING = 0.5
 
 
 class Memory(NamedTuple):
-    """What rounds remember of the linearised equations of the waves.
+    """Linearised equations of the waves that rounds remember.
 
     Attributes:
         border: factors of the condensed equations.
@@ -97,10 +97,10 @@ class PipedLines(AbstractLines):
         def step(_):
             return chord_step(system, mesh, z, waves, self.responses, memory.border)
 
-        def none(_):
+        def stand_still(_):
             return jax.tree.map(jnp.zeros_like, waves)
 
-        change = lax.cond(memory.is_linearised, step, none, None)
+        change = lax.cond(memory.is_linearised, step, stand_still, None)
         parts = [max_of(jnp.abs(part)) for part in jax.tree.leaves(change) if part.size]
         size = max_of(jnp.stack(parts))
         shrinks = jnp.isfinite(size) & (size < _SHRINKING * memory.sizes[0])

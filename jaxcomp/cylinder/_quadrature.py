@@ -50,13 +50,13 @@ def harmonics(tau: Float[Array, "*n"], orders: int) -> Float[Array, "*n h"]:
     cosine = jnp.cos(tau)[..., None]
     sine = jnp.sin(tau)[..., None]
     while (count := cosine.shape[-1]) < orders:
-        more = min(count, orders - count)
+        added = min(count, orders - count)
         cos_last = cosine[..., -1:]
         sin_last = sine[..., -1:]
-        cos_more = cosine[..., :more] * cos_last - sine[..., :more] * sin_last
-        sin_more = sine[..., :more] * cos_last + cosine[..., :more] * sin_last
-        cosine = jnp.concatenate([cosine, cos_more], axis=-1)
-        sine = jnp.concatenate([sine, sin_more], axis=-1)
+        cos_added = cosine[..., :added] * cos_last - sine[..., :added] * sin_last
+        sin_added = sine[..., :added] * cos_last + cosine[..., :added] * sin_last
+        cosine = jnp.concatenate([cosine, cos_added], axis=-1)
+        sine = jnp.concatenate([sine, sin_added], axis=-1)
     return jnp.concatenate([jnp.ones_like(tau)[..., None], cosine, sine], axis=-1)
 
 

@@ -126,7 +126,7 @@ class AbstractLines(eqx.Module):
         return count
 
     def memory(self, waves) -> Any:
-        """What rounds remember of those before."""
+        """Memory before the first round."""
         del waves
 
     def approach(

@@ -1,4 +1,4 @@
-"""A batch of machines behind pipes of many lengths: how they end, and its time beside one after the other.
+"""A batch of machines behind pipes of many lengths: how they end, and its time beside single ones.
 
     python tests/benchmarks/piped_batch.py [COUNT]
 
