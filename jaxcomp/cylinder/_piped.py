@@ -41,13 +41,13 @@ class Memory(NamedTuple):
         border: factors of the condensed equations.
         is_linearised: whether there were any.
         sizes: [-] of the second last step with them and of the last.
-        count: steps with them.
+        marches: steps with them, each after a march.
     """
 
     border: tuple[Array, Array]
     is_linearised: Bool[Array, ""]
     sizes: Float[Array, "2"]
-    count: Int[Array, ""]
+    marches: Int[Array, ""]
 
 
 class PipedLines(AbstractLines):
@@ -104,16 +104,17 @@ class PipedLines(AbstractLines):
         parts = [max_of(jnp.abs(part)) for part in jax.tree.leaves(change) if part.size]
         size = max_of(jnp.stack(parts))
         shrinks = jnp.isfinite(size) & (size < _SHRINKING * memory.sizes[0])
-        goes_on = shrinks & (size > _SETTLED) & (memory.count < _MOST_MARCHES)
+        goes_on = shrinks & (size > _SETTLED) & (memory.marches < _MOST_MARCHES)
         return Approach(goes_on & memory.is_linearised, limited(waves, change), size)
 
     def remembered(self, memory, approach, report):
+        assert approach is not None
         is_new = report.steps > 0
         return Memory(
             border=jax.tree.map(partial(jnp.where, is_new), report.border, memory.border),
             is_linearised=memory.is_linearised | is_new,
             sizes=jnp.where(is_new, jnp.inf, jnp.append(memory.sizes[1], approach.size)),
-            count=jnp.where(is_new, 0, memory.count + 1),
+            marches=jnp.where(is_new, 0, memory.marches + 1),
         )
 
     def next_waves(self, goes_on, waves, new, report):

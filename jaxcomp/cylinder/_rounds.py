@@ -175,6 +175,13 @@ class ConstantLines(AbstractLines):
         return None
 
 
+def _unless_marched(mesh: Mesh, approach: Approach | None) -> Mesh:
+    """Panels that Newton's method leaves alone where another march follows."""
+    if approach is None:
+        return mesh
+    return mesh._replace(fits=mesh.fits & ~approach.goes_on)
+
+
 def rounds_of(
     system: Cylinders, options: CycleOptions, start: CycleSolution | None, lines: AbstractLines
 ) -> CycleSolution:
@@ -217,9 +224,7 @@ def rounds_of(
             after_march = jax.tree.map(partial(jnp.where, ready), of_start, after_march)
         mesh, z, events, totals, repeats = after_march
         approach = lines.approach(system, mesh, z, waves, memory)
-        tried = mesh
-        if approach is not None:
-            tried = mesh._replace(fits=mesh.fits & ~approach.goes_on)
+        tried = _unless_marched(mesh, approach)
         new, new_waves, report = lines.solve(system, tried, z, waves, options)
         sound = tried.fits & (report.size < NEAR)
         coarse = sound & report.holds & lines.is_coarse(system, new) & options.may_grow

@@ -184,9 +184,9 @@ def test_a_plenum_before_a_pipe_is_a_volume_with_a_neck():
 
 @pytest.mark.slow
 def test_derivatives_of_a_cycle_between_plenums_and_pipes():
-    # Panels are laid anew for every value. Of 64 that moves a difference by up to 2 % of the slopes of the
-    # discharge's wave in the suction line's numbers, the more the smaller the step; of 160 by 1e-3 to 1e-2
-    # of these, 3e-5 of the wave itself, and by 5e-5 of all others.
+    # Panels are laid anew for every value. Of 64 that moves a difference by up to 4 % of the slopes of
+    # the discharge's wave in the suction line's numbers, the more the smaller the step; of 160 by
+    # 2.3e-5 of the wave over the number, and by 5e-5 of all other slopes.
     options = CycleOptions(panels=160, capacity=2000, max_passes=20_000)
 
     def figures(numbers):
