@@ -116,7 +116,8 @@ def ended_in(status: Status, *outcomes: Status) -> Bool[ArrayLike, "*batch"]:
     codes = status._value  # equinox compares one outcome at a time, each by a program of its own
     library = jnp
     if not is_traced(codes):
-        codes, library = np.asarray(codes), np
+        codes = np.asarray(codes)
+        library = np
     return library.any(library.stack([codes == outcome._value for outcome in outcomes]), axis=0)
 
 

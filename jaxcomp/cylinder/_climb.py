@@ -109,7 +109,8 @@ def climbed(
         is_march_behind = size.method != options.method
         if is_march_behind and not is_solved(cycle):
             break  # what collocation found out in the largest size says more
-        answer, reached = larger, size
+        answer = larger
+        reached = size
         climb.note(alone, events_without_room(cycle))
     return answer, reached
 
