@@ -6,9 +6,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import ArrayLike, Bool, Int
 
-from .fields import is_traced
 from .precision import single_precision
 
 
@@ -115,7 +115,7 @@ def ended_in(status: Status, *outcomes: Status) -> Bool[ArrayLike, "*batch"]:
     """
     codes = status._value  # equinox compares one outcome at a time, each by a program of its own
     library = jnp
-    if not is_traced(codes):
+    if not isinstance(codes, Tracer):
         codes = np.asarray(codes)
         library = np
     return library.any(library.stack([codes == outcome._value for outcome in outcomes]), axis=0)

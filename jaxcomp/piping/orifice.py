@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
-from ._nodes import check_nodes
+from ._network_nodes import check_nodes
 
 
 class Orifice(Part):

@@ -24,7 +24,7 @@ from .._core.errors import BadInput
 from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, Bound, Part, quantity, spread_columns
 from ._gas import PipeGas
-from ._nodes import check_nodes
+from ._network_nodes import check_nodes
 
 # [-] Shear number up to which the continued fraction holds with so many terms: 2e-24 at 12.
 _SERIES = 14.0

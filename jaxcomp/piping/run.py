@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import ANY, Part, is_traced, quantity
-from ._nodes import check_nodes
+from ._network_nodes import check_nodes
 
 
 class Run(Part):

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.fields import ANY, NONNEGATIVE, Bound, Part, is_traced, quantity, spread_columns
-from ._nodes import check_nodes
+from ._network_nodes import check_nodes
 from .run import check_direction
 
 
