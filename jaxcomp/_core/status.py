@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import ArrayLike, Bool, Int
+from jaxtyping import Array, Bool, Int
 
 from .precision import single_precision
 
@@ -106,7 +106,7 @@ def names_of_codes(
     return words[np.asarray(codes, int)]
 
 
-def ended_in(status: Status, *outcomes: Status) -> Bool[ArrayLike, "*batch"]:
+def ended_in(status: Status, *outcomes: Status) -> Bool[Array, "*batch"]:
     """Whether a solution ended in one of the outcomes; by NumPy outside of traced programs.
 
     Args:

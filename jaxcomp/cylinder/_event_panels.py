@@ -124,13 +124,13 @@ def _with_kinks(
     def along(angles, flags):
         return jax.vmap(lambda angle: kinks(angle, at(angle), flags))(angles)
 
-    values = jax.vmap(along)(angle, flags)
+    values: Array = jax.vmap(along)(angle, flags)
     before = values[:, :-1]
     after = values[:, 1:]
     crosses = (before > 0) != (after > 0)
     share = before / jnp.where(crosses, before - after, 1.0)
     gaps = jnp.diff(angle, axis=1)[..., None]
-    places: Array = jnp.where(crosses, angle[:, :-1, None] + share * gaps, jnp.inf)
+    places = jnp.where(crosses, angle[:, :-1, None] + share * gaps, jnp.inf)
     place = min_of(places.reshape(edges.size - 1, -1), axis=1)  # the first of a panel
 
     is_inside = jnp.isfinite(place) & (width > 1e-7)
