@@ -23,6 +23,7 @@ from ._gas_balance import (
     STREAMS,
     Accounts,
     Rates,
+    choking_margins,
     gas_in,
     in_angle_and_state,
     initial,
@@ -153,12 +154,7 @@ class Cylinders(eqx.Module):
             speed: [rad/s] of the crank, for rates in time.
         """
         states, plenums = self.parted(state)
-        pressures = [] if self.waves is None else [self.flange_pressures(angle)]
-        pair = None
-        if plenums.size:
-            # all share the flange that plenums stand at
-            lines = self.sides(self.shared, pressures[0][0]) if pressures else None
-            pair = chains(self.shared, plenums, lines)
+        pressures, pair = self._around_cylinders(angle, plenums)
 
         def cylinder_rates(case, angle, state, flags, *pressures):
             lines = self.sides(case, pressures[0]) if pressures else None
@@ -182,9 +178,26 @@ class Cylinders(eqx.Module):
             state=slopes, events=of_each.events.ravel(), force=of_each.force.ravel()
         )
 
+    def _around_cylinders(self, angle, plenums: Float[Array, " 3p"]):
+        """Pressures at the flanges (k, l) in a list, empty where lines are constant, and the plenums."""
+        pressures = [] if self.waves is None else [self.flange_pressures(angle)]
+        if not plenums.size:
+            return pressures, None
+        # all share the flange that plenums stand at
+        lines = self.sides(self.shared, pressures[0][0]) if pressures else None
+        return pressures, chains(self.shared, plenums, lines)
+
     def choking_margins(self, angle, state, flags) -> Float[Array, " 2k"]:
         """[-] Of the ports of all cylinders; positive where none chokes or its valve is shut."""
-        return self.rates(angle, state, flags).choking.ravel()
+        states, plenums = self.parted(state)
+        pressures, pair = self._around_cylinders(angle, plenums)
+
+        def of_cylinder(case, angle, state, flags, *pressures):
+            lines = self.sides(case, pressures[0]) if pressures else None
+            return choking_margins(case, angle, state, flags, pair, lines)
+
+        flags = flags.reshape(-1, FLAGS)
+        return self.each(of_cylinder, self.own_angle(angle), states, flags, *pressures).ravel()
 
     def _between_ends(
         self, angle, states: Float[Array, "k m"], speed=None

@@ -94,7 +94,11 @@ def lay_mesh(
     at = partial(within_steps, record)
     if kinks is not None:
         is_free = ~ends_interval[:-1]
-        edges = _with_kinks(kinks, at, edges, mesh.flags, is_free, nodes)
+        at_kinks = _with_kinks(kinks, at, edges, mesh.flags, is_free, nodes)
+        # an edge that has moved stands within another step
+        moved_row = jnp.searchsorted(record.angle, at_kinks[:-1], side="right") - 1
+        row = jnp.where(at_kinks[:-1] == edges[:-1], row, moved_row)
+        edges = at_kinks
     # the last point's row is the panel's own: rows of no width share an angle
     angle, _ = point_angles(edges, nodes)
     points = jax.vmap(jax.vmap(at))(angle)

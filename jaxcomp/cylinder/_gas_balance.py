@@ -87,7 +87,6 @@ class Rates(NamedTuple):
     # [kg/s] and [W] through suction and discharge valve, forward; then [W] from the wall to the gas
     # before the one and behind the other
     streams: Float[Array, " 6"]
-    choking: Float[Array, " 2"]  # margin of either port that is open, as `choking_margin` gives it
 
 
 class _Valves(NamedTuple):
@@ -99,7 +98,6 @@ class _Valves(NamedTuple):
     events: Float[Array, "2 4"]
     force: Float[Array, " 2"]
     is_open: Float[Array, " 2"]
-    choking: Float[Array, " 2"]
 
 
 def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
@@ -155,7 +153,7 @@ def rates(
     cylinder = case.cylinder
     inside = side_of(gas)
     flanges = case.lines if lines is None else lines
-    before, behind = _sides_at_valves(pair, flanges, lines is not None) if pair else flanges
+    before, behind = _sides_at_valves(case, pair, lines)
     volume, volume_1 = case.volume(angle)
     turning = pace = case.speed_at(angle)
     # correlations with negative powers of the speed have no value at rest
@@ -209,19 +207,38 @@ def rates(
         valves.force,
         inside.p,
         jnp.concatenate([through, jnp.stack(to_plenums)]),
-        valves.choking,
     )
 
 
-def _sides_at_valves(pair: tuple[PlenumChain, PlenumChain], flanges, are_piped: bool):
+def choking_margins(case: Case, angle, state, flags, pair=None, lines=None) -> Float[Array, " 2"]:
+    """[-] Of suction and discharge port, as `choking_margin` gives them; 1 where the valve is shut.
+
+    Args:
+        case, angle, state, flags, pair, lines: as in `rates`.
+    """
+    inside = side_of(gas_in(case, angle, state))
+    before, behind = _sides_at_valves(case, pair, lines)
+    margins = [choking_margin(before, inside), choking_margin(inside, behind)]
+    for which, valve in enumerate(case.cylinder.valves):
+        if valve.oscillator is not None:
+            margins[which] = jnp.where(flags[3 * which] > SEAT, margins[which], 1.0)
+    return jnp.stack(margins)
+
+
+def _sides_at_valves(
+    case: Case, pair: tuple[PlenumChain, PlenumChain] | None, lines: tuple[Side, Side] | None
+) -> tuple[Side, Side]:
     """The gas before the suction and behind the discharge valve, where either line may have plenums."""
-    sides = tuple(map(side_of, valve_sides(pair)))
-    if not are_piped:
-        return sides
+    flanges = case.lines if lines is None else lines
+    if pair is None:
+        return flanges
+    before, behind = map(side_of, valve_sides(pair))
+    if lines is None:
+        return before, behind
     # a cylinder without plenums of a line has a flange of its own
-    return tuple(
-        side if chain.plenums else flange
-        for side, chain, flange in zip(sides, pair, flanges, strict=True)
+    return (
+        before if pair[0].plenums else flanges[0],
+        behind if pair[1].plenums else flanges[1],
     )
 
 
@@ -335,7 +352,6 @@ def _valve(
         events=jnp.stack(events),
         force=force,
         is_open=is_open,
-        choking=jnp.where(is_open > 0, choking_margin(a, b), 1.0),
     )
 
 

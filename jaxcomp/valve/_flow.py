@@ -45,10 +45,14 @@ class Side(NamedTuple):
     h: Float[Array, ""]
     critical: Float[Array, ""] | None = None
 
+    @property
+    def choking_ratio(self) -> Float[Array, ""]:
+        """[-] Pressure ratio at which a nozzle that begins here chokes."""
+        return critical_ratio(self.kappa) if self.critical is None else self.critical
+
     def pressure_ratio(self, low: "Side") -> Float[Array, ""]:
         """[-] Of a nozzle from here to a side of lower pressure, not below that at which it chokes."""
-        critical = critical_ratio(self.kappa) if self.critical is None else self.critical
-        return maximum(low.p / self.p, critical)
+        return maximum(low.p / self.p, self.choking_ratio)
 
 
 def choose(first, a: Side, b: Side) -> Side:
@@ -112,7 +116,7 @@ def choking_margin(a: Side, b: Side) -> Float[Array, ""]:
     forward = a.p > b.p
     high = choose(forward, a, b)
     low = choose(forward, b, a)
-    return low.p / high.p - critical_ratio(high.kappa)
+    return low.p / high.p - high.choking_ratio
 
 
 def critical_ratio(kappa):

@@ -68,6 +68,22 @@ def test_events_stay_where_they_are(record):
     assert np.min(np.abs(edges - before)) > 1e-3  # it is the other end that moved
 
 
+def test_states_at_moved_edges_are_of_the_steps_they_stand_in(record):
+    angle = record.angle[:, None]
+    after = angle + record.width[:, None]
+    record = record._replace(
+        begin=jnp.sin(angle), end=jnp.sin(after), begin_rate=jnp.cos(angle), end_rate=jnp.cos(after)
+    )
+    places = START + TURN * np.array([0.137, 0.72])
+
+    def kinks(angle, state, flags):
+        return angle - jnp.asarray(places)
+
+    _, z = lay_mesh(record, PANELS, 4, kinks)
+    # the cubic of a step errs by its width to the fourth over 384; that of another step by 50 times that
+    np.testing.assert_allclose(z.left[:, 0], np.sin(z.edges[:-1]), atol=(TURN / STEPS) ** 4 / 384)
+
+
 def test_without_kinks_no_edge_moves(record):
     plain = lay_mesh(record, PANELS, 4)[1].edges
     np.testing.assert_array_equal(lay_mesh(record, PANELS, 4, at_angles(99.0))[1].edges, plain)
