@@ -16,17 +16,14 @@ def check_nodes(nodes: tuple[str, ...], *, pair: bool = False, may_return: bool 
     Raises:
         BadInput: too few names or too many, or a name twice, but for a chain that comes back later.
     """
-    if may_return:
-        differs = all(first != second for first, second in pairwise(nodes))
-    else:
-        differs = len(set(nodes)) == len(nodes)
     if pair:
+        fits = len(nodes) == 2 and nodes[0] != nodes[1]
         bound = "two different names"
-        fits = len(nodes) == 2
-    else:
+    elif may_return:
+        fits = len(nodes) >= 2 and all(first != second for first, second in pairwise(nodes))
         bound = "two names or more, each other than the one before"
-        if not may_return:
-            bound = "two different names or more"
-        fits = len(nodes) >= 2
-    if not (fits and differs):
+    else:
+        fits = len(nodes) >= 2 and len(set(nodes)) == len(nodes)
+        bound = "two different names or more"
+    if not fits:
         raise BadInput("nodes", ", ".join(nodes), bound)
