@@ -66,7 +66,8 @@ class CycleOptions(eqx.Module):
         panels: into which the revolution is cut; one more than events are needed at least.
         tolerance: [-] last step of Newton's method.
         march_tolerance: [-] error of a step of the march before the collocation, in the smallest size; a
-            hundredth of it in larger sizes, a tenth of what it was in every further round.
+            hundredth of it in larger sizes, a tenth of what it was in every further round. Where a port
+            chokes, derivatives are off by what the march misses of the angle at which it begins to.
         value_tolerance: [-] the same where the march gives the values.
         max_newton: steps.
         max_revolutions: marched at a stretch.

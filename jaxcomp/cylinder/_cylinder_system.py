@@ -30,7 +30,15 @@ from ._gas_balance import (
     rates,
 )
 from ._piston_end import PistonEnd
-from ._plenum import PER_PLENUM, chain_rates, chains, first_states, line_streams
+from ._plenum import (
+    PER_PLENUM,
+    PassedGas,
+    chain_rates,
+    chains,
+    first_states,
+    line_streams,
+    settled_states,
+)
 from ._quadrature import harmonics, machine_time
 from ._rings import with_ring_flow
 from ._waves import (
@@ -619,6 +627,28 @@ class Cylinders(eqx.Module):
         """The states after the end of a revolution: the walls are warmer by the heat they have gained."""
         states, plenums = self.parted(state)
         return self._joined(self.each(next_revolution, states), plenums)
+
+    def settled(self, state, totals: Float[Array, "k 12"]) -> Float[Array, " n"]:
+        """The states with plenums as after many revolutions like the last; see `settled_states`.
+
+        Args:
+            state: (n,) at the end of a revolution.
+            totals: of the accounts over it.
+        """
+        states, plenums = self.parted(state)
+        case = self.shared
+        sums = Accounts(*jnp.sum(totals, axis=0))
+        own = self.cases if self.count == 1 else jax.tree.map(lambda leaf: leaf[0], self.cases)
+        mass = own.mass_scale
+        energy = own.energy_scale
+        through_suction = PassedGas(
+            sums.suction * mass, jnp.abs(sums.suction_back) * mass, sums.suction_heat * energy
+        )
+        through_discharge = PassedGas(
+            sums.discharge * mass, jnp.abs(sums.discharge_back) * mass, sums.discharge_heat * energy
+        )
+        passed = (through_suction, through_discharge)
+        return self._joined(states, settled_states(case, plenums, passed))
 
     def of_cylinder(self, values: Float[Array, "*p n"]) -> Float[Array, "k *p m"]:
         """States of each cylinder, as if it had the plenums alone."""

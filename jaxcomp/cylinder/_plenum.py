@@ -29,6 +29,8 @@ from ..valve._flow import Side
 
 PER_PLENUM = 3  # states: mass, temperature, and flow in the neck
 _MIXED = 0.2  # [-] of the flow of a full cylinder: flow in a neck below which both sides mix
+_LEAST_PASSED = 1e-3  # [-] of the mass of a full cylinder, by which a plenum is not exchanged
+_MOST_SETTLED = 0.3  # [-] change of the temperature of a plenum in one revolution
 _IDLE = 1.0  # [1/rad] how fast a given temperature returns to its place, where it is already
 
 
@@ -215,6 +217,60 @@ def first_states(case, at_rest: bool) -> Float[Array, " 3p"]:
         flow = jnp.asarray(0.0 if at_rest else 0.7)
         states += [rho * plenum.volume / scales.mass[i], T / scales.temperature, flow]
     return jnp.stack(states) if states else jnp.zeros(0)
+
+
+class PassedGas(NamedTuple):
+    """Gas that has passed the valves of one line in a revolution, of all cylinders together.
+
+    Attributes:
+        mass: [kg] forward less backward.
+        back: [kg] backward.
+        enthalpy: [J] carried forward, less that carried backward.
+    """
+
+    mass: Float[Array, ""]
+    back: Float[Array, ""]
+    enthalpy: Float[Array, ""]
+
+
+def settled_states(
+    case, state: Float[Array, " 3p"], passed: tuple[PassedGas, PassedGas]
+) -> Float[Array, " 3p"]:
+    r"""States of plenums whose gas has been exchanged as often as it takes, at the pressure they have.
+
+    A volume of fifty strokes takes a hundred revolutions until its gas has the temperature at which as
+    much enthalpy leaves as comes. Of a line at h, a suction plenum from which the valves take
+    $m^+ h_p - m^- h^- = H$ has that with $m h = H$, a discharge plenum with $H = m h_p$:
+
+    $$h_p' = h_p + \frac{m h - H}{m + m^-},\qquad h_p' = h_p + \frac{H - m h_p}{m + m^-}.$$
+
+    Heat of walls and what the necks mix are left out: this is a start, no solution.
+
+    Args:
+        case: cylinder and lines.
+        state: (3 p,) over its scales.
+        passed: through the suction and the discharge valves.
+    """
+    columns = state.reshape(-1, PER_PLENUM)
+    pair = chains(case, state)
+    factors = []
+    for chain, gas_passed in zip(pair, passed, strict=True):
+        for plenum, gas in zip(chain.plenums, chain.gases, strict=True):
+            leaving = case.suction.h if chain.inward else gas.h
+            lack = gas_passed.enthalpy - gas_passed.mass * leaving
+            rise = lack / maximum(
+                gas_passed.mass + gas_passed.back, _LEAST_PASSED * case.mass_scale
+            )
+            # warmer suction gas carries more away
+            change = (-rise if chain.inward else rise) / (gas.c_p * gas.T)
+            factor = 1 + clip(change, -_MOST_SETTLED, _MOST_SETTLED)
+            factors.append(factor if plenum.temperature is None else jnp.ones(()))
+    if not factors:
+        return state
+    factor = jnp.stack(factors)
+    masses = columns[:, 0] / factor
+    temperatures = columns[:, 1] * factor
+    return jnp.stack([masses, temperatures, columns[:, 2]], axis=1).ravel()
 
 
 def _gas(fluid: AbstractFluid, plenum: Plenum, mass, T) -> GasState:

@@ -18,6 +18,9 @@ from ._march import AbstractLaw, Record, Stretch, empty_record, stretch
 START = -np.pi / 2  # crank angle at which a revolution begins, within the compression
 TURN = 2 * np.pi
 _ACCOUNTS = len(Accounts._fields)
+# Revolutions after which the gas in plenums is exchanged at once. What the cylinders deliver depends on
+# it, and the other way round, so that once is not enough; what is left then is for Newton's method.
+_SETTLING = 4
 
 
 class March(NamedTuple):
@@ -46,6 +49,8 @@ def march(
     is_marched,
     max_revolutions,
     watched: tuple = (),
+    *,
+    settles,
 ) -> March:
     """Revolutions until the end is the beginning within `repeat`; none if they are not `is_marched`.
 
@@ -62,18 +67,20 @@ def march(
         is_marched: whether to march at all.
         max_revolutions: after which to give up.
         watched: [rad] crank angles at which a step ends, where an event is suspected; infinite for none.
+        settles: whether the gas in plenums is exchanged at once after each of the first revolutions.
     """
     arrays, static_part = eqx.partition(
-        (system, tolerance, repeat, state, flags, is_marched, watched), eqx.is_array
+        (system, tolerance, repeat, state, flags, is_marched, watched, settles), eqx.is_array
     )
 
     @jax.custom_batching.sequential_vmap
     def march_sample(arrays):
         numbers = eqx.combine(arrays, static_part)
-        system, tolerance, repeat, state, flags, is_marched, watched = numbers
+        system, tolerance, repeat, state, flags, is_marched, watched, settles = numbers
         count = jnp.where(is_marched, max_revolutions, 0)
         turn = partial(_revolve, system, options, tolerance, watched)
-        return _repeated(system, turn, repeat, state, flags, count, options.kept_steps)
+        settling = jnp.where(settles, _SETTLING, 0)
+        return _repeated(system, turn, repeat, state, flags, count, options.kept_steps, settling)
 
     return march_sample(arrays)
 
@@ -142,9 +149,10 @@ def _bends(system: Cylinders) -> tuple[Float[Array, ""], ...]:
 
 
 def _repeated(
-    system: Cylinders, turn, repeat, state, flags, max_revolutions, capacity: int
+    system: Cylinders, turn, repeat, state, flags, max_revolutions, capacity: int, settling
 ) -> March:
     totals = jnp.zeros((system.count, _ACCOUNTS))
+    has_plenums = bool(system.cases.cylinder.plenums)
 
     def going_on(carry):
         *_, marched = carry
@@ -164,6 +172,9 @@ def _repeated(
         # the accelerated state is a guess of mass and temperature; what the valves do is kept
         gas = system.columns(0, 1)
         next_state = end.at[gas].set(maximum(next_state[gas], 0.5 * end[gas]))
+        if has_plenums:
+            is_early = marched.revolutions < settling
+            next_state = jnp.where(is_early, system.settled(end, sums), next_state)
         size = max_of(jnp.abs(change))
         passes = marched.passes + new.passes
         revolutions = marched.revolutions + 1

@@ -156,7 +156,7 @@ def rounds_of(
     few = min(8, options.revolutions_at_most)
 
     def advance(carry):
-        state, flags, waves, watched, previous, rounds = carry
+        state, flags, waves, watched, previous, is_lost, rounds = carry
         ready = rounds < 0
         tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
@@ -172,6 +172,8 @@ def rounds_of(
             is_marched,
             few,
             tuple(watched),
+            # a start that is near enough without it is nearer, since settling leaves out what necks mix
+            settles=is_lost & (rounds == 1),
         )
         after_march = *laid(marched, end, options), end.totals, end.change <= repeat
         if start is not None:
@@ -209,10 +211,10 @@ def rounds_of(
         watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
         usable = end.ended & mesh.fits
         rounds = jnp.where(usable, rounds + 1, max_rounds)
-        return state, flags, waves, watched, solution, rounds
+        return state, flags, waves, watched, solution, ~goes_on, rounds
 
     def going_on(carry):
-        *_, solution, rounds = carry
+        *_, solution, _, rounds = carry
         return ~solution.solved & (rounds < max_rounds)
 
     state, flags = system.initial(START)
@@ -224,5 +226,5 @@ def rounds_of(
         )
         waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
     watched = jnp.full(max_rounds, jnp.inf)
-    begin = state, flags, waves, watched, no_solution_yet, -1 * has_start
+    begin = state, flags, waves, watched, no_solution_yet, jnp.asarray(False), -1 * has_start
     return lax.while_loop(going_on, advance, begin)[4]

@@ -377,6 +377,7 @@ def _march_only(
         flags,
         jnp.asarray(True),
         options.revolutions_at_most,
+        settles=jnp.asarray(False),
     )
     mesh, z, events = laid(system, end, options)
     return CycleSolution(

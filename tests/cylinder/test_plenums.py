@@ -14,7 +14,7 @@ from jaxcomp.cli import app
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.cylinder._cylinder import prepare
 from jaxcomp.cylinder._cylinder_system import Cylinders
-from jaxcomp.cylinder._plenum import chain_scales
+from jaxcomp.cylinder._plenum import PassedGas, chain_scales, chains, settled_states
 from jaxcomp.plot._cylinder import valve_motion
 
 
@@ -116,6 +116,46 @@ def test_a_scene_has_plenums_and_check_tells_their_resonance(tmp_path):
     shown = CliRunner().invoke(app, ["check", str(path)])
     assert shown.exit_code != 0
     assert "gas.discharge.plenums.0.volume" in shown.output + shown.stderr
+
+
+def test_a_settled_plenum_passes_on_the_enthalpy_that_comes():
+    """Of a perfect gas at its pressure, with gas that flows back: the balances over a revolution."""
+    gas = with_plenums(((20e-6, None, 0.02, 3e-5, 1.5),), ((50e-6, None, 0.03, 3e-5, 1.5),))
+    case = prepare(gas, light_rod(), SPEED)
+    plenums = Cylinders(case, jnp.zeros(1)).initial(-1.5)[0][-6:]
+    before, behind = (chain.gases[0] for chain in chains(case, plenums))
+    forward, back = 7e-6, 1e-6  # [kg]
+    warm = before.h + 3e3  # [J/kg] of what flows back into the suction plenum
+    hot = behind.h + 4e4  # of what comes out of the cylinder
+    of_suction = PassedGas(forward - back, back, forward * before.h - back * warm)
+    of_discharge = PassedGas(forward - back, back, forward * hot - back * behind.h)
+    settled = settled_states(case, plenums, (of_suction, of_discharge))
+    new_before, new_behind = (chain.gases[0] for chain in chains(case, settled))
+    # h of a perfect gas is linear in T, and so are both balances: to rounding
+    comes = (forward - back) * case.suction.h + back * warm
+    np.testing.assert_allclose(forward * new_before.h, comes, rtol=1e-12)
+    np.testing.assert_allclose(new_behind.h, hot, rtol=1e-12)
+    np.testing.assert_allclose(new_behind.p, behind.p, rtol=1e-12)
+
+
+def test_a_plenum_of_a_given_temperature_does_not_settle():
+    held = with_plenums((), ((50e-6, 400.0, 0.03, 3e-5, 1.5),))
+    case = prepare(held, light_rod(), SPEED)
+    start = Cylinders(case, jnp.zeros(1)).initial(-1.5)[0][-3:]
+    passed = PassedGas(jnp.asarray(7e-6), jnp.asarray(0.0), jnp.asarray(3.5))
+    np.testing.assert_array_equal(settled_states(case, start, (passed, passed)), start)
+
+
+@pytest.mark.slow  # half a minute of compilation
+def test_a_plenum_of_many_strokes_is_solved_far_from_the_temperature_of_its_line():
+    """Its gas takes hundreds of revolutions to warm by 100 K; before that Newton's method fails."""
+    gas = with_plenums((), ((1e-3, None, 0.03, 3e-5, 1.5),))
+    gas = eqx.tree_at(lambda g: g.discharge.temperature, gas, jnp.asarray(300.0))
+    cycle = solve_cycle(gas, light_rod(), SPEED, COLLOCATION)
+    assert cycle.converged
+    assert abs(cycle.mass_closure) < 1e-12
+    warmed = cycle.raw[1].left[0][-2] * cycle.case.suction.T
+    assert warmed > 400.0  # [K] beside the 300 K of its line
 
 
 def test_plenums_that_are_absent_are_not_traced():
