@@ -636,19 +636,21 @@ class Cylinders(eqx.Module):
             totals: of the accounts over it.
         """
         states, plenums = self.parted(state)
-        case = self.shared
-        sums = Accounts(*jnp.sum(totals, axis=0))
-        own = self.cases if self.count == 1 else jax.tree.map(lambda leaf: leaf[0], self.cases)
-        mass = own.mass_scale
-        energy = own.energy_scale
+        mass_scale = jnp.ravel(self.cases.mass_scale)
+        energy_scale = jnp.ravel(self.cases.energy_scale)
+        accounts = Accounts(*totals.T)
         through_suction = PassedGas(
-            sums.suction * mass, jnp.abs(sums.suction_back) * mass, sums.suction_heat * energy
+            mass=jnp.sum(accounts.suction * mass_scale),
+            back=jnp.sum(jnp.abs(accounts.suction_back) * mass_scale),
+            enthalpy=jnp.sum(accounts.suction_heat * energy_scale),
         )
         through_discharge = PassedGas(
-            sums.discharge * mass, jnp.abs(sums.discharge_back) * mass, sums.discharge_heat * energy
+            mass=jnp.sum(accounts.discharge * mass_scale),
+            back=jnp.sum(jnp.abs(accounts.discharge_back) * mass_scale),
+            enthalpy=jnp.sum(accounts.discharge_heat * energy_scale),
         )
         passed = (through_suction, through_discharge)
-        return self._joined(states, settled_states(case, plenums, passed))
+        return self._joined(states, settled_states(self.shared, plenums, passed))
 
     def of_cylinder(self, values: Float[Array, "*p n"]) -> Float[Array, "k *p m"]:
         """States of each cylinder, as if it had the plenums alone."""
