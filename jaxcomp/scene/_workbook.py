@@ -74,7 +74,10 @@ def _selected_sheet(workbook: "Workbook", name: str) -> "Worksheet":
 
 
 def _has_cells(sheet: "Worksheet") -> bool:
-    return any(cell.value is not None for row in sheet.iter_rows() for cell in row)
+    for row in sheet.iter_rows():
+        if any(cell.value is not None for cell in row):
+            return True
+    return False
 
 
 def _rows(values: "Worksheet", formulas: "Worksheet") -> list[list[str]]:
