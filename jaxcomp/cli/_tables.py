@@ -53,6 +53,11 @@ def words(name: str) -> str:
     return name.replace("_", " ").capitalize()
 
 
+def number_heads(form: str, *names: str) -> list[tuple[str, str]]:
+    """Heads of columns of numbers in one format."""
+    return [(name, form) for name in names]
+
+
 def row_table(
     title: str | None,
     heads: Sequence[str | tuple[str, str]],
