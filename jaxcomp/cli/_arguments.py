@@ -27,7 +27,7 @@ _MOST = 100_000
 
 
 def split_at(sign: str, text: str) -> tuple[str, str, str]:
-    """What stands before a sign, the sign, "" if it is absent, and what stands behind it.
+    """The text before a sign, the sign, "" if it is absent, and the text behind it.
 
     >>> split_at("=", "mechanism.bore = 52mm")
     ('mechanism.bore', '=', '52mm')

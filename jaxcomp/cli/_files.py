@@ -273,10 +273,7 @@ def schema(
         results: Schema of what commands print with --json and write to result.json, each under its name.
         force: Write over a file that is no schema of this program.
     """
-    if results:
-        content = results_schema()
-    else:
-        content = jc.scene.json_schema()
+    content = results_schema() if results else jc.scene.json_schema()
     text = json.dumps(content, indent=1, ensure_ascii=False)
     if file is None:
         typer.echo(text)

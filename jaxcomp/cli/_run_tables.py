@@ -12,7 +12,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, ZERO_CELSIUS, axes_words, shown
-from ._tables import Markup, number_heads, number_text, percent_text, row_table, words
+from ._tables import Markup, as_note, number_heads, number_text, percent_text, row_table, words
 
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
@@ -21,8 +21,7 @@ _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_
 def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     """Efficiency and power, losses, joint forces, residuals, verification, vibration."""
     yield _summary(scene, result)
-    for remark in result["remarks"]:
-        yield f"[yellow]Note:[/yellow] {escape(remark)}"
+    yield from map(as_note, map(escape, result["remarks"]))
     if "impact_speed" in result:
         yield _power(result)
         yield _valves(result)

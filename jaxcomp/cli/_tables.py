@@ -48,6 +48,11 @@ def percent_text(part: float, total: float, form: str = ".2f") -> str:
     return f"{100 * part / total:{form}} %"
 
 
+def as_note(text: str) -> str:
+    """A remark of a line of its own."""
+    return f"[yellow]Note:[/yellow] {text}"
+
+
 def words(name: str) -> str:
     """A name of the code as words."""
     return name.replace("_", " ").capitalize()
