@@ -14,7 +14,7 @@ from . import _options as opt
 from ._arguments import changed_scene
 from ._output import Output, Partial
 from ._start import quick_compiles, refuse
-from ._tables import Markup, column_table, row_table
+from ._tables import Markup, by_column, column_table, number_text, row_table
 
 if TYPE_CHECKING:
     from ..study.accuracy._report import Measurement
@@ -123,25 +123,27 @@ def accuracy(
 def extremes_tables(extremes: jc.study.accuracy.Extremes) -> Iterator[Any]:
     """Every case, and the status of those without a value."""
     cases = extremes.cases
-
-    def numbers(values, form):
-        return [v is not None and math.isfinite(v) and f"{v:{form}}" for v in values]
-
-    table = column_table(
-        f"{extremes.scene}: at its extremes",
-        {
-            "Extreme": [case.family for case in cases],
-            "Setting": [case.setting for case in cases],
-            "Value": [f"{case.value:.6g}" if case.good else "none" for case in cases],
-            "Error": numbers((case.error for case in cases), ".1e"),
-            "Speed": numbers((case.speed_error if case.good else None for case in cases), ".1e"),
-            "Margin": numbers((case.margin for case in cases), ".3f"),
-            "Iter.": [case.iterations for case in cases],
-            "Time": [_duration(case.seconds) for case in cases],
-        },
-        texts=2,
-    )
-    yield _tight(table)
+    rows = []
+    for case in cases:
+        value = "none"
+        speed_error = None
+        if case.good:
+            value = f"{case.value:.6g}"
+            speed_error = case.speed_error
+        rows.append(
+            {
+                "Extreme": case.family,
+                "Setting": case.setting,
+                "Value": value,
+                "Error": number_text(case.error, ".1e"),
+                "Speed": number_text(speed_error, ".1e"),
+                "Margin": number_text(case.margin, ".3f"),
+                "Iter.": case.iterations,
+                "Time": _duration(case.seconds),
+            }
+        )
+    title = f"{extremes.scene}: at its extremes"
+    yield _tight(column_table(title, by_column(rows), texts=2))
     yield (
         "Values are mechanical efficiencies with the error that an independent march of one revolution "
         "(diffrax) finds, of the efficiency and of the speed; of cycles with valves (low speed, hard "
@@ -159,50 +161,65 @@ def extremes_tables(extremes: jc.study.accuracy.Extremes) -> Iterator[Any]:
 
 def accuracy_tables(report: jc.study.accuracy.Report, error: float) -> Iterator[Any]:
     """Every setting, the methods at equal error, orders, and the recommendation."""
-    rows = report.rows
-    table = column_table(
-        f"{report.scene}: {report.note}",
-        {
-            "Method": [row.method for row in rows],
-            "Setting": [row.setting.replace("tolerance=", "tol=") for row in rows],
-            "Error": [_error(report, row) for row in rows],
-            "Time": [_duration(row.seconds) for row in rows],
-            "Iter.": [row.iterations for row in rows],
-        },
-        texts=2,
-        unbroken=(1,),
-    )
-    yield _tight(table)
-    programs: dict[tuple, list[str]] = {}
-    for method in report.methods:
-        sizes = ((row.lines or 0, row.flops or 0, row.compile_seconds)
-                 for row in rows if row.method == method)  # fmt: skip
-        programs.setdefault(max(sizes), []).append(method)
-    # all quantities come from one program
-    labels = [
-        ", ".join(names) if len(names) < 4 else f"all {len(names)}" for names in programs.values()
-    ]
-    yield column_table(
-        "Largest program of each method",
-        {
-            "Method": labels,
-            "Compiling": [_duration(seconds) for _, _, seconds in programs],
-            "Lines": [_count(lines or None) for lines, _, _ in programs],
-            "Operations": [_count(flops or None) for _, flops, _ in programs],
-        },
-        keep=True,
-    )
+    yield _settings(report)
+    yield _programs(report)
     if any(len(methods) > 1 for methods in report.tasks.values()):
         yield _side_by_side(report)
     yield _reference(report)
     if report.calls:
-        calls = [
-            (name, _duration(cost.first), _duration(cost.second), cost.lines)
-            for name, cost in report.calls.items()
-        ]
-        heads = ("Call", "First", "Second", ("Program, lines", ","))
-        yield row_table("First and second call of the default solver", heads, calls)
+        yield _calls(report)
     yield from _remarks(report, error)
+
+
+def _settings(report: jc.study.accuracy.Report):
+    """Error and time of every setting."""
+    rows = []
+    for row in report.rows:
+        rows.append(
+            {
+                "Method": row.method,
+                "Setting": row.setting.replace("tolerance=", "tol="),
+                "Error": _error(report, row),
+                "Time": _duration(row.seconds),
+                "Iter.": row.iterations,
+            }
+        )
+    title = f"{report.scene}: {report.note}"
+    return _tight(column_table(title, by_column(rows), texts=2, unbroken=(1,)))
+
+
+def _programs(report: jc.study.accuracy.Report):
+    """Size of the largest program of each method; methods with the same one share a row."""
+    programs: dict[tuple, list[str]] = {}
+    for method in report.methods:
+        sizes = []
+        for row in report.rows:
+            if row.method == method:
+                sizes.append((row.lines or 0, row.flops or 0, row.compile_seconds))
+        programs.setdefault(max(sizes), []).append(method)
+    rows = []
+    for (lines, flops, seconds), methods in programs.items():
+        label = ", ".join(methods)
+        if len(methods) >= 4:  # all quantities come from one program
+            label = f"all {len(methods)}"
+        rows.append(
+            {
+                "Method": label,
+                "Compiling": _duration(seconds),
+                "Lines": _count(lines or None),
+                "Operations": _count(flops or None),
+            }
+        )
+    return column_table("Largest program of each method", by_column(rows), keep=True)
+
+
+def _calls(report: jc.study.accuracy.Report):
+    """Times of the first and the second call of the default solver."""
+    rows = []
+    for name, cost in report.calls.items():
+        rows.append((name, _duration(cost.first), _duration(cost.second), cost.lines))
+    heads = ("Call", "First", "Second", ("Program, lines", ","))
+    return row_table("First and second call of the default solver", heads, rows)
 
 
 def _reference(report: jc.study.accuracy.Report) -> str:
@@ -260,13 +277,14 @@ def _side_by_side(report: jc.study.accuracy.Report):
     def cells(at: float) -> Iterator[str]:
         for methods in report.tasks.values():
             times = [report.seconds(at, method) for method in methods]
-            best = min((t for t in times if t), default=None)
+            best = min(filter(None, times), default=None)
             for seconds in times:
                 if seconds is None or best is None:
                     yield ""
+                elif seconds == best:
+                    yield Markup(f"[bold]{_duration(best)}[/bold]")
                 else:
-                    first = Markup(f"[bold]{_duration(best)}[/bold]")
-                    yield first if seconds == best else _times(seconds / best)
+                    yield _times(seconds / best)
 
     columns = {f"{at:.0e}": list(cells(at)) for at in report.reachable}
     methods = list(chain.from_iterable(report.tasks.values()))

@@ -59,11 +59,13 @@ _ENTRY = re.compile(r"(\w+)(?: \((.*?)\))?: (.*)")
 
 def _flowing(text: str | None) -> str:
     """Help with one line a paragraph, which the width of the terminal breaks; indented lines stay."""
-    paragraphs = inspect.cleandoc(text or "").split("\n\n")
-    return "\n\n".join(
-        textwrap.dedent(paragraph) if paragraph.startswith(" ") else paragraph.replace("\n", " ")
-        for paragraph in paragraphs
-    )
+    paragraphs = []
+    for paragraph in inspect.cleandoc(text or "").split("\n\n"):
+        if paragraph.startswith(" "):
+            paragraphs.append(textwrap.dedent(paragraph))
+        else:
+            paragraphs.append(paragraph.replace("\n", " "))
+    return "\n\n".join(paragraphs)
 
 
 def _add(name: str, command: Callable[..., None], panel: str) -> None:

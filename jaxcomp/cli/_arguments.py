@@ -26,11 +26,26 @@ _POINTS = 60
 _MOST = 100_000
 
 
+def split_at(sign: str, text: str) -> tuple[str, str, str]:
+    """The text before a sign, the sign, "" if it is absent, and the text behind it.
+
+    >>> split_at("=", "mechanism.bore = 52mm")
+    ('mechanism.bore', '=', '52mm')
+    """
+    before, separator, behind = text.partition(sign)
+    return before.strip(), separator.strip(), behind.strip()
+
+
+def listed(text: str) -> list[str]:
+    """The entries of a list with commas."""
+    return list(filter(None, map(str.strip, text.split(","))))
+
+
 def assignments(texts: Sequence[str] | None, option: str) -> dict[str, str]:
     """Split `name=value` texts."""
     out: dict[str, str] = {}
     for text in texts or ():
-        name, equals, value = (part.strip() for part in text.partition("="))
+        name, equals, value = split_at("=", text)
         refuse(not (name and equals and value), f'{option} {text}: must have the form "name=value"')
         refuse(name in out, f"{option} {text}: {name} is set twice")
         out[name] = value
@@ -41,7 +56,7 @@ def names_of(text: str | None) -> list[str] | None:
     """The names in a list with commas; `None` for none."""
     if text is None:
         return None
-    return list(filter(None, map(str.strip, text.split(","))))
+    return listed(text)
 
 
 def with_one_unit(parts: Sequence[str]) -> list[str]:
@@ -52,12 +67,16 @@ def with_one_unit(parts: Sequence[str]) -> list[str]:
     """
     from ..scene._text import NUMBER
 
-    parts = [part.strip() for part in parts]
+    parts = list(map(str.strip, parts))
     number = re.match(rf"{NUMBER}\s*", parts[-1])
-    unit = parts[-1][number.end() :] if number else ""
-    if not unit:
+    if number is None or number.end() == len(parts[-1]):
         return parts
-    return [f"{part} {unit}" if re.fullmatch(NUMBER, part) else part for part in parts]
+    unit = parts[-1][number.end() :]
+    values = []
+    for part in parts:
+        is_bare = re.fullmatch(NUMBER, part)
+        values.append(f"{part} {unit}" if is_bare else part)
+    return values
 
 
 def entry(text: str) -> Any:
@@ -93,8 +112,7 @@ def changed_scene(
     watch_compiles(scene.name)
     if changes:
         scene = jc.scene.with_values(scene, changes, "set on the command line")
-    names = (text.partition("=")[0].strip() for text in varied or ())
-    return with_lists(scene, names)
+    return with_lists(scene, [split_at("=", text)[0] for text in varied or ()])
 
 
 def si(
@@ -130,8 +148,8 @@ def bounds_of(
     for text in texts or ():
         match = _BOUND.fullmatch(text)
         if not match or (match[2] == "=" and not equalities):
-            other_signs = ", >= or =" if equalities else " or >="
-            raise CommandError(f"{option} {text}: must have the form QUANTITY<=VALUE{other_signs}")
+            signs = "<=VALUE, >= or =" if equalities else "<=VALUE or >="
+            raise CommandError(f"{option} {text}: must have the form QUANTITY{signs}")
         name, sign, bound_text = match.groups()
         value = value_of(name, bound_text, f"{option} {name}")
         low, high = out.get(name, (None, None))
@@ -163,7 +181,9 @@ def speeds_of(text: str) -> np.ndarray:
     parts = text.split(":")
     option = f"--speeds {text}"
     if len(parts) == 1 and text.strip():
-        texts = with_one_unit(text.split(",")) if "," in text else [text]
+        texts = [text]
+        if "," in text:
+            texts = with_one_unit(text.split(","))
         return np.array([speed_of(part, option) for part in texts])
     if len(parts) not in (2, 3):
         raise CommandError(f"{option}: must have the form a,b,c or from:to or from:to:count")

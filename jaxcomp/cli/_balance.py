@@ -18,11 +18,20 @@ import jaxcomp as jc
 
 from .._core.display import RPM, rounded, small_unit, vibration_unit
 from . import _options as opt
-from ._arguments import assignments, changed_scene, names_of, si, speeds_of, with_one_unit
+from ._arguments import (
+    assignments,
+    changed_scene,
+    listed,
+    names_of,
+    si,
+    speeds_of,
+    split_at,
+    with_one_unit,
+)
 from ._output import Output
 from ._rotor import chosen_excitation, rotor_of, scene_speeds
 from ._start import CommandError, refuse, refuse_unknown, start_jax, waiting
-from ._tables import column_table, percent_text, row_table
+from ._tables import by_column, column_table, percent_text, row_table
 
 if TYPE_CHECKING:
     from ..balancing._influence import Influence
@@ -162,16 +171,14 @@ class Setting:
         largest = math.inf
         if self.each is not None:
             largest = self._mass(part, self.each, "--each", radii)
-        angles = _angles(part, self.places)
-        places = {
-            name: jc.balancing.Places(
-                angles[name],
+        places = {}
+        for name, angles in _angles(part, self.places).items():
+            places[name] = jc.balancing.Places(
+                angles,
                 radius=radii.get(name),
                 removed=name in removed,
                 largest=largest,
             )
-            for name in angles
-        }
         if self.stock is None:
             return lambda system: jc.balancing.placed(system, places)
         masses, counts = self._stock(part, radii)
@@ -207,7 +214,7 @@ class Setting:
             refuse(not value > 0, f"--radius {self.radius}: must be > 0")
             return dict.fromkeys(part.planes, value)
         radii = {}
-        for name, text in assignments(_listed(self.radius), "--radius").items():
+        for name, text in assignments(listed(self.radius), "--radius").items():
             kind = "correction plane of this balance"
             refuse_unknown(f"--radius {name}", name, part.planes, kind)
             radii[name] = si(text, "m", f"--radius {name}")
@@ -220,19 +227,21 @@ class Setting:
         """Masses of the stock, and how many there are of each; `None` for any number."""
         masses = []
         counts = []
-        for text in _listed(self.stock or ""):
+        for text in listed(self.stock or ""):
             match = _PIECES.fullmatch(text)
             refuse(match is None, f"--stock {text}: must be a mass, or a number of it as in 4x10g")
             if match is not None:
                 counts.append(int(match[1]) if match[1] else None)
                 masses.append(self._mass(part, match[2], "--stock", radii))
         refuse(not masses, "--stock: needs at least one mass, such as 5g,10g,20g")
-        limited = [count is not None for count in counts]
+        without_limit = counts.count(None)
         refuse(
-            any(limited) and not all(limited),
+            0 < without_limit < len(counts),
             f"--stock {self.stock}: must say of all masses how many there are, or of none",
         )
-        return masses, counts if all(limited) else None
+        if without_limit:
+            return masses, None
+        return masses, counts
 
     def _mass(
         self,
@@ -244,8 +253,9 @@ class Setting:
         """[kg] A mass; [kg m] where the planes have no radius."""
         has_radii = part.radius is not None and bool((part.radius > 0).all())
         by_mass = part.trial == "kg" or has_radii or {*radii} >= {*part.planes}
+        unit = "kg" if by_mass else "kg m"
         try:
-            value = si(text, "kg" if by_mass else "kg m", f"{option} {text}")
+            value = si(text, unit, f"{option} {text}")
         except jc.scene.SceneError:
             needs = "needs --radius for masses where trial weights are masses times radius"
             refuse(not by_mass, f"{option} {text}: {needs}")
@@ -367,37 +377,35 @@ def balance(
 
         return balance_figures(solution, name)
 
+    written = "Report, pictures, curves and result"
+    if machine:
+        written = "Report, pictures, curves, machine file and result"
     output.emit(
         solution,
         balance_tables,
         pictures,
         scene,
         {"balance": solution.columns},
-        f"Report, pictures, curves{', machine file' if machine else ''} and result",
+        written,
         metadata=metadata,
     )
-
-
-def _listed(text: str) -> list[str]:
-    """Entries of a list with commas."""
-    return [entry.strip() for entry in text.split(",") if entry.strip()]
 
 
 def _angles(part: Influence, texts: Sequence[str]) -> dict[str, Sequence[float]]:
     """[rad] Angles of the places by plane."""
     angles: dict[str, Sequence[float]] = {}
     for text in texts:
-        name, equals, value = (piece.strip() for piece in text.partition("="))
-        if not equals:
-            name = ""
-            value = text.strip()
-        else:
+        name, equals, places = split_at("=", text)
+        planes = [name]
+        if equals:
             kind = "correction plane of this balance"
             refuse_unknown(f"--places {name}", name, part.planes, kind)
-        planes = [name] if name else part.planes
+        else:
+            planes = part.planes
+            places = text.strip()
         for plane in planes:
             refuse(plane in angles, f"--places {text}: the places of {plane} are given twice")
-            angles[plane] = _places_of(value, f"--places {text}")
+            angles[plane] = _places_of(places, f"--places {text}")
     return angles
 
 
@@ -407,12 +415,14 @@ def _places_of(text: str, option: str) -> list[float]:
     if even is None:
         form = f"{option}: must be a number of places, or angles such as 0deg,90deg"
         try:
-            return [si(entry, "rad", option) for entry in with_one_unit(_listed(text))]
+            return [si(angle, "rad", option) for angle in with_one_unit(listed(text))]
         except (jc.scene.SceneError, IndexError) as error:
             raise CommandError(form) from error
     count = int(even[1])
     refuse(not 1 <= count <= _MOST_PLACES, f"{option}: must be from 1 to {_MOST_PLACES} places")
-    start = si(even[2], "rad", option) if even[2] else 0.0
+    start = 0.0
+    if even[2]:
+        start = si(even[2], "rad", option)
     return [start + 2 * math.pi * place / count for place in range(count)]
 
 
@@ -423,7 +433,9 @@ def _speeds(scene: jc.scene.Scene, speeds: str | None):
     rotor_of(scene)
     for part in ("balancing", "loads"):
         refuse(part not in scene.parts, f"{scene.file}: {part}: is missing; `balance` needs it")
-    return jnp.asarray(speeds_of(speeds) if speeds else scene_speeds(scene))
+    if speeds:
+        return jnp.asarray(speeds_of(speeds))
+    return jnp.asarray(scene_speeds(scene))
 
 
 def _weighted(part: Influence, texts: Sequence[str] | None) -> Influence:
@@ -455,7 +467,9 @@ def _limit(part: Influence, text: str) -> float:
     """The limit in the unit of the vibration; a bare number where that is of no known unit."""
     from ..scene._units import to_si
 
-    unit = "m" if part.unit in ("um", "µm") else part.unit
+    unit = part.unit
+    if unit in ("um", "µm"):
+        unit = "m"
     with suppress(jc.scene.SceneError):
         return float(to_si(text, unit, "--limit"))
     with suppress(ValueError):
@@ -466,52 +480,81 @@ def _limit(part: Influence, text: str) -> float:
 def balance_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Corrections, vibration before and after, quality of the balance."""
     unit, factor = small_unit(result["correction_unit"])
-    planes = result["planes"]
-    columns = {
-        "Plane": [plane["name"] for plane in planes],
-        unit: [rounded(plane["correction"] * factor, 4) for plane in planes],
-        "°": [f"{math.degrees(plane['phase']):.1f}" for plane in planes],
-    }
-    if any(plane["radius"] for plane in planes):
-        columns["mm"] = [_milli(plane["radius"]) for plane in planes]
-        columns["g"] = [_milli(plane["mass"]) for plane in planes]
-    yield column_table(f"{result['machine']}: corrections to add", columns)
+    yield _corrections(result, unit, factor)
     if result.get("left_on"):
         runs = escape(", ".join(result["left_on"]))
         yield f"They count with the trial weights left on of {runs}; so does the vibration before."
     yield from _weights(result, unit, factor)
-    note = "[yellow]Note:[/yellow] " if result["worse"] else ""
-    yield f"{note}{escape(result['verdict'])}"
+    verdict = escape(result["verdict"])
+    if result["worse"]:
+        verdict = f"[yellow]Note:[/yellow] {verdict}"
+    yield verdict
     yield from _alternatives(result)
+    yield _vibration(result)
+    yield from _quality(result)
+
+
+def _corrections(result: dict[str, Any], unit: str, factor: float):
+    """The correction of each plane, with radius and mass where a plane has a radius."""
+    planes = result["planes"]
+    has_radii = any(plane["radius"] for plane in planes)
+    rows = []
+    for plane in planes:
+        row = {
+            "Plane": plane["name"],
+            unit: rounded(plane["correction"] * factor, 4),
+            "°": f"{math.degrees(plane['phase']):.1f}",
+        }
+        if has_radii:
+            row["mm"] = _milli(plane["radius"])
+            row["g"] = _milli(plane["mass"])
+        rows.append(row)
+    return column_table(f"{result['machine']}: corrections to add", by_column(rows))
+
+
+def _vibration(result: dict[str, Any]):
+    """Vibration of every target, before and after."""
     unit, factor = vibration_unit(result["vibration_unit"])
     rows = []
     previous_target = None
     for row in result["rows"]:
         before = row["before"]
         after = row["after"]
-        shown_after = after if after > _NOTHING * before else 0.0
+        target = row["target"]
         rows.append(
             (
-                "" if row["target"] == previous_target else row["target"],
+                "" if target == previous_target else target,
                 row["axis"],
                 row["speed"] * RPM,
                 rounded(before * factor, 3),
-                rounded(shown_after * factor, 3),
+                rounded(_unless_rounding(after, before) * factor, 3),
                 percent_text(after, before, ".0f"),
                 math.hypot(*row["sensitivity"].values()) * factor,
             )
         )
-        previous_target = row["target"]
+        previous_target = target
     title = f"Vibration at order 1, {unit}; ±: with 1 % and 1° of error in every plane"
     heads = ("Target", "Axis", ("rpm", ".5g"), "Before", "After", "Share", ("±", ".2g"))
-    yield row_table(title, heads, rows, unbroken=(0,))
-    condition = result["condition"]
-    condition_text = "infinite" if condition is None else f"{condition:.4g}"
+    return row_table(title, heads, rows, unbroken=(0,))
+
+
+def _unless_rounding(size: float, before: float) -> float:
+    """A size; 0 where it is rounding beside the one before."""
+    if size > _NOTHING * before:
+        return size
+    return 0.0
+
+
+def _quality(result: dict[str, Any]) -> Iterator[Any]:
+    """Method, condition and distance from the optimum, and how well amplitudes fit."""
+    condition = "infinite"
+    if result["condition"] is not None:
+        condition = f"{result['condition']:.4g}"
     over = "sum" if result["method"] == "least masses" else "rms before"
     rows = (
         ("Method", result["method"], f"excitation: {result['excitation']}"),
         ("Weighted rms", f"{100 * result['improvement']:.3g} %", "after over before, all rows"),
-        ("Condition", condition_text, "of the weighted system"),
+        ("Condition", condition, "of the weighted system"),
         ("Gap", f"{result['gap']:.1e}", f"to the proven optimum, over the {over}"),
     )
     if "misfit" in result:
@@ -536,21 +579,24 @@ def _weights(result: dict[str, Any], unit: str, factor: float) -> Iterator[Any]:
     weights = result.get("weights")
     if weights is None:
         return
-    sizes = [weight["unbalance"] for weight in weights]
-    masses = [weight["mass"] for weight in weights]
-    columns = {
-        "Plane": [weight["name"] for weight in weights],
-        "": ["take off" if weight["removed"] else "add" for weight in weights],
-        "°": [f"{math.degrees(weight['phase']) % 360:.1f}" for weight in weights],
-        unit: [size and rounded(size * factor, 4) for size in sizes],
-        "g": [_milli(mass) for mass in masses],
-    }
-    if unit == "g":
-        columns["g"] = [rounded(mass * factor, 4) for mass in masses]
     if not weights:
         yield "No weights: every one that can be set makes it worse."
         return
-    yield column_table("Weights to set", columns, texts=2)
+    rows = []
+    for weight in weights:
+        size = weight["unbalance"]
+        mass = weight["mass"]
+        row = {
+            "Plane": weight["name"],
+            "": "take off" if weight["removed"] else "add",
+            "°": f"{math.degrees(weight['phase']) % 360:.1f}",
+            unit: size and rounded(size * factor, 4),
+            "g": _milli(mass),
+        }
+        if unit == "g":
+            row["g"] = rounded(mass * factor, 4)
+        rows.append(row)
+    yield column_table("Weights to set", by_column(rows), texts=2)
     if result["certified"]:
         if "stock" in result["method"]:
             yield "Proven: no other combination of these weights leaves less."
@@ -571,7 +617,7 @@ def _alternatives(result: dict[str, Any]) -> Iterator[Any]:
     sides = [{"planes": result["planes"], "improvement": result["improvement"]}, *alternatives]
     rows = []
     for number, side in enumerate(sides[:_SHOWN], 1):
-        remaining_share = side["improvement"] if side["improvement"] > _NOTHING else 0.0
+        remaining_share = _unless_rounding(side["improvement"], 1.0)
         # the number and the share stand in the row of the first plane alone
         label = str(number)
         share_text = f"{100 * remaining_share:.3g} %"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,9 +16,10 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM
+from ._arguments import split_at
 from ._output import Output, OutputWithoutScene
 from ._start import refuse, start_jax, waiting
-from ._tables import row_table, value_rows
+from ._tables import number_heads, row_table, value_rows
 
 # Films by their names in machine files, and the classes of `jaxcomp.film` that do so.
 Model = Literal["reynolds", "grooved", "guembel", "short", "fit", "petroff", "loaded_petroff"]
@@ -71,12 +74,12 @@ class Bush:
         """[SI] The options that are given, of those with a unit."""
         from ..scene._units import to_si
 
-        texts = ((name, getattr(self, name.replace("-", "_"))) for name in units)
-        return {
-            name: float(to_si(text, units[name], f"--{name}"))
-            for name, text in texts
-            if text is not None
-        }
+        numbers = {}
+        for name, unit in units.items():
+            text = getattr(self, name.replace("-", "_"))
+            if text is not None:
+                numbers[name] = float(to_si(text, unit, f"--{name}"))
+        return numbers
 
 
 def bearing(bush: Bush, output: OutputWithoutScene) -> None:
@@ -163,20 +166,27 @@ def bearing(bush: Bush, output: OutputWithoutScene) -> None:
 
 def _contact(quantities: dict[str, float]) -> dict[str, float]:
     """The numbers of a contact by the names of its fields, taken out of those that are given."""
-    contact = {name: quantities.pop(name) for name in _CONTACT if name in quantities}
-    for name, value in contact.items():
+    contact = {}
+    for name, field in _CONTACT.items():
+        if name not in quantities:
+            continue
+        value = quantities.pop(name)
         impossible = value < 0 or (value == 0 and name != "boundary-friction")
         refuse(impossible, f"--{name} {value:.6g}: must be positive")
+        contact[field] = value
     if contact:
-        for name in list(_CONTACT)[:2]:
-            refuse(name not in contact, f"Missing option '--{name}': a contact needs it")
-    return {_CONTACT[name]: value for name, value in contact.items()}
+        for name in ("roughness", "boundary-friction"):
+            missing = _CONTACT[name] not in contact
+            refuse(missing, f"Missing option '--{name}': a contact needs it")
+    return contact
 
 
 def _part(quantities, film, lands: int, contact: dict[str, float]):
     """The bearing of the options."""
-    rough = jc.film.AsperityContact(**contact) if contact else None
-    size = (quantities[name] for name in ("diameter", "length", "clearance", "viscosity"))
+    rough = None
+    if contact:
+        rough = jc.film.AsperityContact(**contact)
+    size = itemgetter("diameter", "length", "clearance", "viscosity")(quantities)
     return jc.JournalBearing(*size, film, lands=lands, contact=rough)
 
 
@@ -184,7 +194,7 @@ def _speeds(text: str) -> list[float]:
     """[rad/s] The speeds of --over, which rise."""
     from ._sweep import axis_values
 
-    name, equals, range_text = (part.strip() for part in text.partition("="))
+    name, equals, range_text = split_at("=", text)
     form = "must have the form speed=FROM:TO:COUNT"
     refuse(name != "speed" or not equals, f"--over {text}: {form}")
     speeds = sorted(axis_values(range_text, "rad/s", f"--over {text}", False))
@@ -230,8 +240,10 @@ def stribeck_tables(curve, result: dict[str, Any]):
     least = result["least_friction_speed"]
     lowest = result["speed"][0]
     highest = result["speed"][-1]
-    at_end = "" if lowest < least < highest else ", an end of the range"
-    yield f"Least friction at {least * RPM:.4g} rpm{at_end}."
+    where = f"{least * RPM:.4g} rpm"
+    if not lowest < least < highest:
+        where += ", an end of the range"
+    yield f"Least friction at {where}."
     if curve.bearing.contact is None:
         yield "Smooth surfaces; rough ones, by --roughness and --boundary-friction, touch in thin films."
     yield escape(f"{result['model']}: {result['limits']}")
@@ -356,7 +368,9 @@ def bearing_tables(result: dict[str, Any]):
     }
     if matrices["K, N/m"] is not None:
         title = "Stiffness and damping: x along the load, y 90 degrees ahead with rotation"
-        heads = ("", *((place, ".4g") for place in ("xx", "xy", "yx", "yy")))
-        available = {name: matrix for name, matrix in matrices.items() if matrix is not None}
-        yield row_table(title, heads, ((name, *x, *y) for name, (x, y) in available.items()))
+        rows = []
+        for name, matrix in matrices.items():
+            if matrix is not None:
+                rows.append((name, *chain.from_iterable(matrix)))
+        yield row_table(title, ("", *number_heads(".4g", "xx", "xy", "yx", "yy")), rows)
     yield escape(f"{result['model']}: {result['limits']}")

@@ -56,6 +56,9 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
     from ..scene.contents import example_values, part_contents
     from ..scene.follows import follows
 
+    consequences = []
+    for what, value, unit in follows(scene):
+        consequences.append({"what": what, "value": value, "unit": unit})
     return {
         "machine": scene.name,
         "description": scene.description,
@@ -63,7 +66,7 @@ def check_result(scene: jc.scene.Scene) -> dict[str, Any]:
         "ok": True,
         "parts": part_contents(scene),
         "examples": example_values(scene),
-        "follows": [{"what": what, "value": x, "unit": unit} for what, x, unit in follows(scene)],
+        "follows": consequences,
         "commands": _commands(scene),
         "left_out": list(left_out(scene)),
         "unusual": list(jc.scene.implausible_values(scene)),
@@ -74,9 +77,10 @@ def check_tables(result: dict[str, Any]):
     """Tables of `check_result`."""
     title = f"{result['machine']}: {result['description']}"
     heads = ("Part", "Type", "Values", "By default", "Without source")
-    yield row_table(title, heads, ((n, *p.values()) for n, p in result["parts"].items()), texts=2)
-    follows = (row.values() for row in result["follows"])
-    yield row_table(None, ("What follows", ("", ".5g"), ""), map(tuple, follows), texts=3)
+    parts = [(name, *part.values()) for name, part in result["parts"].items()]
+    yield row_table(title, heads, parts, texts=2)
+    follows = [tuple(row.values()) for row in result["follows"]]
+    yield row_table(None, ("What follows", ("", ".5g"), ""), follows, texts=3)
     for path, what, usual in result["unusual"]:
         yield f"[yellow]unusual[/yellow]  {escape(f'{path}: {what}, usual is {usual}')}"
     if result["examples"]:

@@ -11,7 +11,7 @@ import jaxcomp as jc
 
 from .._core.display import shown
 from . import _options as opt
-from ._arguments import assignments, changed_scene
+from ._arguments import assignments, changed_scene, split_at
 from ._output import Output, OutputWithoutScene
 from ._start import CommandError, refuse, start_jax, waiting
 from ._sweep import default_quantities
@@ -51,10 +51,9 @@ def compare(
     scenes = _scenes(machines, variants or (), sets or ())
     with waiting("Solving the periodic states (the first time they are compiled as well) ..."):
         comparison = jc.study.compare(scenes, quantities=quantity)
-    machines_used = [
-        {"label": label, "machine": scene.name, "file": scene.file}
-        for label, scene in scenes.items()
-    ]
+    machines_used = []
+    for label, scene in scenes.items():
+        machines_used.append({"label": label, "machine": scene.name, "file": scene.file})
 
     def pictures():
         from ..plot._designs import compared_figures
@@ -77,12 +76,14 @@ def _scenes(
     scenes = {}
     for place, machine in enumerate(machines, 1):
         scene = changed_scene(machine, sets)
-        label = f"{scene.name} ({place})" if scene.name in scenes else scene.name
+        label = scene.name
+        if label in scenes:
+            label = f"{label} ({place})"
         scenes[label] = scene
     for text in variants:
         (name,) = assignments([text], "--with")
         refuse(text in scenes, f"--with {text}: is given twice")
-        base_settings = [setting for setting in sets if setting.partition("=")[0].strip() != name]
+        base_settings = [setting for setting in sets if split_at("=", setting)[0] != name]
         scenes[text] = changed_scene(machines[0], [*base_settings, text])
     return scenes
 
@@ -160,6 +161,7 @@ def sensitivity_tables(sensitivities: jc.study.Sensitivity, rows: int) -> Iterat
         table = row_table(title, headings, table_rows)
         idle = len(sensitivities.numbers) - len(ranked)
         if idle:
-            subject = "number of the machine has" if idle == 1 else "numbers of the machine have"
-            table.caption = f"{idle} other {subject} no influence."
+            table.caption = f"{idle} other numbers of the machine have no influence."
+            if idle == 1:
+                table.caption = "1 other number of the machine has no influence."
         yield table

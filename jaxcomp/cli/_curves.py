@@ -46,8 +46,12 @@ def curves(state: jc.study.SteadyState, step: float | None = None) -> dict[str, 
         for name, values in columns.items():
             if name != "time [s]":
                 columns[name] = np.append(values[:-1], values[0])
-    named = {f"{k} []" if k.startswith("eccentricity.") else k: v for k, v in columns.items()}
-    return {"crank_angle [deg]": degrees, "crank_angle [rad]": angle, **named}
+    named = {"crank_angle [deg]": degrees, "crank_angle [rad]": angle}
+    for name, values in columns.items():
+        if name.startswith("eccentricity."):
+            name = f"{name} []"
+        named[name] = values
+    return named
 
 
 def _on_grid(

@@ -62,7 +62,9 @@ def new(
     refuse(not to_screen and file.suffix != ".toml", f"{file}: must end in .toml")
     would_overwrite = not to_screen and file.exists() and not force
     refuse(would_overwrite, f"{file}: is there already; --force writes over it")
-    name = "my-machine" if to_screen else file.stem
+    name = file.stem
+    if to_screen:
+        name = "my-machine"
     if machine is None:
         text = jc.scene.start(kind, name)
         has_crank = kind != "rotor"
@@ -97,7 +99,9 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     if empty:
         empty_cache()
     stored = cache_status()
-    folder = str(stored.folder) if stored.folder else f"none: {stored.why}"
+    folder = str(stored.folder)
+    if not stored.folder:
+        folder = f"none: {stored.why}"
     rows = (
         ("folder", folder),
         ("programs", f"{stored.programs}"),
@@ -134,10 +138,17 @@ def list_machines(
     if fluid is not None and (machine != "fluids" or quantities):
         raise CommandError(f"list {machine} {fluid}: a second name stands behind `fluids` alone")
     if machine == "fluids" and not quantities:
-        content, tables = list_fluids() if fluid is None else list_fluid(fluid)
+        if fluid is None:
+            content, tables = list_fluids()
+        else:
+            content, tables = list_fluid(fluid)
         show_results(content, tables, as_json)
         return
-    if machine is not None:
+    if machine is None and quantities:
+        content, table = _quantities()
+    elif machine is None:
+        content, table = _machines()
+    else:
         scene = _known_scene(machine)
         listing = _values
         if quantities:
@@ -145,8 +156,6 @@ def list_machines(
         elif variables:
             listing = _variables
         content, table = listing(scene)
-    else:
-        content, table = _quantities() if quantities else _machines()
     show_results(content, [table], as_json)
 
 
@@ -213,7 +222,9 @@ def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
     for row in jc.scene.describe(scene):
         entries[row.path] = row._asdict()
         del entries[row.path]["path"]
-        value_text = f"{row.value} {row.unit}".strip() if row.given is None else str(row.given)
+        value_text = str(row.given)
+        if row.given is None:
+            value_text = f"{row.value} {row.unit}".strip()
         if len(value_text) > _LONGEST:
             value_text = f"{value_text[: _LONGEST // 2]} ... {value_text[-_LONGEST // 2 :]}"
         rows.append((row.path, value_text, str(row.source), str(row.doc)))
@@ -241,7 +252,7 @@ def explain(
         show_results({"parts": rows}, [table], as_json)
         return
     explanations = explained(part)
-    lines = [] if as_json else chain.from_iterable(map(_explained_lines, explanations))
+    lines = chain.from_iterable(map(_explained_lines, explanations))
     show_results({"word": part, "parts": explanations}, lines, as_json)
 
 
@@ -304,7 +315,9 @@ def _explained_lines(explanation: Explained) -> list[Table | Text]:
     """Lines on a part: its meaning, where it may stand, its entries, and how it is typed."""
     rows = []
     for entry in explanation.entries:
-        default = "required" if entry.required else entry.default or "none"
+        default = entry.default or "none"
+        if entry.required:
+            default = "required"
         rows.append((entry.name, entry.unit, entry.bound, default, entry.doc))
     heads = ("Entry", "Unit", "Must be", "Default", "Meaning")
     where = Text("May stand as ").append(", ".join(explanation.places))

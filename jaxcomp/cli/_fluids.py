@@ -72,7 +72,7 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
     if name in fluids():
         data = fluid_data(name)
         entry = {key: data[key] for key in ("name", "description", "source", "licence")}
-        rows = [(key, value) for key, value in entry.items()]
+        rows = list(entry.items())
         entry |= {"lowest": data["T_least"], "highest": data["T_most"]}
         entry |= {"critical_temperature": data["T_critical"], "highest_pressure": data["p_most"]}
         rows.append(("range", f"{_range(entry['lowest'], entry['highest'])} degC"))
@@ -89,10 +89,10 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
         rows.append(("No equation of state", ", ".join(entry["without_equation"])))
     tables = [_words(name, ("", ""), rows)]
     if entry["pairs"]:
-        rows = [
-            ("/".join(pair["components"]), _QUALITIES[pair["quality"]], pair["source"])
-            for pair in entry["pairs"]
-        ]
+        rows = []
+        for pair in entry["pairs"]:
+            components = "/".join(pair["components"])
+            rows.append((components, _QUALITIES[pair["quality"]], pair["source"]))
         tables.append(_words(f"Pairs of {name}", ("Pair", "Parameters", "Source"), rows))
     return {"blends": [entry]}, tables
 
@@ -114,10 +114,10 @@ def blend_entry(name: str) -> dict[str, Any]:
     if entry["without_equation"]:
         return entry
     pairs = pairs_of(list(blend.mass_fractions))
-    entry["pairs"] = [
-        {"components": list(pair.names), "quality": pair.quality, "source": pair.source}
-        for pair in pairs
-    ]
+    for pair in pairs:
+        entry["pairs"].append(
+            {"components": list(pair.names), "quality": pair.quality, "source": pair.source}
+        )
     if any(pair.quality == "none" for pair in pairs):
         return entry
     mixture = Mixture(name=name)

@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,13 +15,13 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import Shown, is_temperature, shown
-from .._core.nested import fields_of, plain
-from ._arguments import assignments, si, speed_of
+from .._core.nested import plain
+from ._arguments import assignments, si, speed_of, split_at
 from ._map import axis
 from ._options import Case, Solver, chosen_solver
 from ._output import Output, Partial
 from ._start import CommandError, refuse, waiting
-from ._tables import number_text, row_table
+from ._tables import as_note, number_text, row_table
 
 Loss = Literal["linear", "soft_l1", "huber"]
 # Readings of a quantity that are printed one by one.
@@ -42,14 +42,18 @@ class Polynomials:
         """The measurements of some files, of polynomials at every speed."""
         from ..scene.measured import read_measurement
 
-        ends = fields_of(self, "evaporating", "condensing").items()
-        over = [None if text is None else axis(text, name) for name, text in ends]
+        evaporating = None
+        if self.evaporating is not None:
+            evaporating = axis(self.evaporating, "evaporating")
+        condensing = None
+        if self.condensing is not None:
+            condensing = axis(self.condensing, "condensing")
         speeds: list[float | None] = [None]
         if self.speed is not None:
             speeds = [speed_of(text, "--speed") for text in self.speed.split(",")]
         measurements = []
         for file, speed in product(files, speeds):
-            measurement = read_measurement(file, scene.machine, *over, speed)
+            measurement = read_measurement(file, scene.machine, evaporating, condensing, speed)
             measurements.append(measurement.solved_by(method))
         return measurements
 
@@ -209,32 +213,16 @@ def _identified(
 
         options |= {"progress": progress, "keep": keep}
         identification = jc.study.identify(scene, data_sets, bounds, priors, **options)
-        prediction = identification.predict(*prediction_points) if prediction_points else None
+        prediction = None
+        if prediction_points:
+            prediction = identification.predict(*prediction_points)
     partial.finish()
     return identification, prediction
 
 
 def identification_tables(identification, name: str) -> Iterator[Any]:
     """Constants, readings, points held out, and what is not to be trusted."""
-    rows = []
-    for parameter in identification.nested()["parameters"]:
-        path = parameter["name"]
-        unit = parameter["unit"]
-        share = parameter["prior_share"]
-        level = is_temperature(path, unit)
-        look = shown(path, unit, 0.0) if level else Shown(path, unit, 1.0)
-        rows.append(
-            (
-                path,
-                look.units,
-                look.number(parameter["start"]),
-                look.number(parameter["estimate"]),
-                f"{parameter['standard_error']:.5g}",
-                number_text(share, ".0%"),
-            )
-        )
-    heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
-    yield row_table(f"{name}: identified from {identification.source}", heads, rows, texts=2)
+    yield _constants(identification, name)
     chi = f"Chi-square {float(identification.chi_square):.4g} on {int(identification.freedom)}"
     yield f"{chi}, p = {float(identification.p_value):.2g}."
     looks = {}
@@ -254,12 +242,38 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
     for quantity, statistics in identification.held_out.items():
         kind = identification.kinds[quantity]
         look = looks[quantity]
-        size = (_error(x, *kind, look).lstrip("+") for x in (statistics.rms, statistics.largest))
-        rows.append((quantity, str(statistics.count), *size, f"{statistics.inside:.0%}"))
+        rms = _error(statistics.rms, *kind, look).lstrip("+")
+        largest = _error(statistics.largest, *kind, look).lstrip("+")
+        rows.append((quantity, str(statistics.count), rms, largest, f"{statistics.inside:.0%}"))
     if rows:
         heads = ("Points not fitted", "Count", "RMS", "Largest", "Inside 95 %")
         yield row_table("Predicted", heads, rows)
-    yield from (f"[yellow]Note:[/yellow] {note}." for note in identification.notes)
+    for note in identification.notes:
+        yield as_note(f"{note}.")
+
+
+def _constants(identification, name: str):
+    """The constants before and after, with their standard errors."""
+    rows = []
+    for parameter in identification.nested()["parameters"]:
+        path = parameter["name"]
+        unit = parameter["unit"]
+        share = parameter["prior_share"]
+        look = Shown(path, unit, 1.0)
+        if is_temperature(path, unit):
+            look = shown(path, unit, 0.0)
+        rows.append(
+            (
+                path,
+                look.units,
+                look.number(parameter["start"]),
+                look.number(parameter["estimate"]),
+                f"{parameter['standard_error']:.5g}",
+                number_text(share, ".0%"),
+            )
+        )
+    heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")
+    return row_table(f"{name}: identified from {identification.source}", heads, rows, texts=2)
 
 
 def _readings(identification, quantity: str, look: Shown):
@@ -322,7 +336,7 @@ def _bounds(scene, texts) -> dict[str, tuple[float, float] | None]:
 
     out = {}
     for text in texts:
-        name, equals, range_text = (part.strip() for part in text.partition("="))
+        name, equals, range_text = split_at("=", text)
         low, colon, high = range_text.partition(":")
         refuse(equals and not colon, f"--vary {text}: must be PATH or PATH=LO:HI")
         unit = varied(scene.machine, name).unit
@@ -359,7 +373,9 @@ def _deviations(data_sets, texts) -> dict[str, float]:
     out = {}
     for name, deviation_text in assignments(texts, "--sd").items():
         refuse(name not in names, f"--sd {name}: must be {one_of(name, names)}")
-        unit = "K" if name.endswith("temperature") and not relative.get(name, True) else ""
+        unit = ""
+        if name.endswith("temperature") and not relative.get(name, True):
+            unit = "K"
         out[name] = si(deviation_text, unit, f"--sd {name}", difference=True)
     return out
 
@@ -368,14 +384,22 @@ def _not_named(data_sets: Sequence[Any], counts: Sequence[int], fit_at: str) -> 
     """Points of maps that `--fit-at` does not name; those of the other kinds are all fitted."""
     import numpy as np
 
-    first = np.cumsum([0, *counts])
-    pairs = zip(first[:-1], data_sets, strict=True)
-    maps = [pair for pair in pairs if isinstance(pair[1], jc.study.Readings)]
-    refuse(not maps, "--fit-at: needs points of a map in --data")
-    points = np.concatenate([n + np.arange(data.evaporating.size) for n, data in maps])
-    evaporating = np.concatenate([data.evaporating for _, data in maps])
-    condensing = np.concatenate([data.condensing for _, data in maps])
-    names = list(chain.from_iterable(data.names for _, data in maps))
+    points = []
+    evaporating = []
+    condensing = []
+    names = []
+    first = 0
+    for data_set, count in zip(data_sets, counts, strict=True):
+        if isinstance(data_set, jc.study.Readings):
+            points += range(first, first + data_set.evaporating.size)
+            evaporating += data_set.evaporating.tolist()
+            condensing += data_set.condensing.tolist()
+            names += data_set.names
+        first += count
+    refuse(not points, "--fit-at: needs points of a map in --data")
+    points = np.array(points)
+    evaporating = np.array(evaporating)
+    condensing = np.array(condensing)
     used = np.zeros(points.size, bool)
     for text in fit_at.split(","):
         try:

@@ -69,7 +69,7 @@ def rating_map(
     scene = scenes[0]
     kind = reference
     if kind is None:
-        gas = None if scene.compressor is None else scene.compressor.gas
+        gas = getattr(scene.compressor, "gas", None)
         kind = getattr(gas, "reference", "dew")
     refuse(
         kind == "mean" and form != "csv",
@@ -122,7 +122,7 @@ def _columns(points: jc.study.rating.RatingMap) -> dict[str, list[float]]:
             values = values - ZERO
         columns[name] = values.tolist()
         if values.dtype != bool:
-            columns[name] = [_rounded(value) for value in columns[name]]
+            columns[name] = list(map(_rounded, columns[name]))
     return columns
 
 
@@ -175,9 +175,9 @@ def map_tables(points, name: str, glide: str = ""):
     from ..study.rating import QUANTITIES, ZERO
 
     units = {quantity: unit for quantity, unit, _ in QUANTITIES}
+    heads = ("Evaporating, °C", *(f"{t - ZERO:.4g}" for t in points.condensing.tolist()))
     for quantity in ("capacity", "power", "cop"):
         look = shown(quantity, units[quantity], points.values[quantity])
-        heads = ("Evaporating, °C", *(f"{t - ZERO:.4g}" for t in points.condensing.tolist()))
         values = (points.values[quantity] * look.factor).tolist()
         rows: list[Any] = []
         for evaporating, row in zip(points.evaporating.tolist(), values, strict=True):

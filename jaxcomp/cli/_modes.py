@@ -46,7 +46,8 @@ def modes(
         raise CommandError("--free: has no Campbell diagram here; leave out --speeds")
     scene = case.scene(once=True)
     points, range_ = points_and_range(scene, speed, speeds)
-    model = rotor_of(scene, *(() if free else (points, range_)))
+    film_speeds = () if free else (points, range_)
+    model = rotor_of(scene, *film_speeds)
     with waiting():
         rotor_modes = jc.vibration.rotor_modes(
             model, points, count, over=range_, free=free, damping=not undamped
@@ -88,36 +89,40 @@ def modes_tables(result: dict[str, Any], overdamped: bool = False) -> Iterator[A
 
 def _modes(result, speed, speed_modes, overdamped):
     where = "without links" if result["free"] else f"at {speed * RPM:.5g} rpm"
-    rows = [
-        (
-            number,
-            mode["frequency"] * _HERTZ,
-            rounded(mode["frequency"] * RPM, 5),
-            100 * mode["damping_ratio"],
-            whirl(mode["whirl"]),
-            mode["subset"],
+    rows = []
+    hidden = 0
+    for number, mode in enumerate(speed_modes, 1):
+        if mode["damping_ratio"] > _NO_PEAK and not overdamped:
+            hidden += 1
+            continue
+        rows.append(
+            (
+                number,
+                mode["frequency"] * _HERTZ,
+                rounded(mode["frequency"] * RPM, 5),
+                100 * mode["damping_ratio"],
+                whirl(mode["whirl"]),
+                mode["subset"],
+            )
         )
-        for number, mode in enumerate(speed_modes, 1)
-        if overdamped or not mode["damping_ratio"] > _NO_PEAK
-    ]
-    hidden = len(speed_modes) - len(rows)
-    hidden_text = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
+    caption = None
+    if hidden:
+        caption = f"{hidden} more with a damping above 70 % (--overdamped shows them)"
     heads = ("Mode", ("Hz", ".5g"), "rpm", ("Damping, %", ".3g"), "Whirl", "Moves most")
-    title = f"{result['machine']}: modes {where}"
-    return row_table(title, heads, rows, caption=hidden_text if hidden else None)
+    return row_table(f"{result['machine']}: modes {where}", heads, rows, caption=caption)
 
 
 def _critical(crossings):
-    rows = [
-        (
-            rounded(crossing["speed"] * RPM, 5),
-            crossing["speed"] * _HERTZ,
-            100 * crossing["damping_ratio"],
-        )
-        for crossing in crossings
-        if not crossing["damping_ratio"] > _NO_PEAK
-    ]
-    hidden = len(crossings) - len(rows)
-    hidden_text = f"{hidden} more with a damping above 70 %, which gives no peak"
+    rows = []
+    hidden = 0
+    for crossing in crossings:
+        if crossing["damping_ratio"] > _NO_PEAK:
+            hidden += 1
+            continue
+        speed = crossing["speed"]
+        rows.append((rounded(speed * RPM, 5), speed * _HERTZ, 100 * crossing["damping_ratio"]))
+    caption = None
+    if hidden:
+        caption = f"{hidden} more with a damping above 70 %, which gives no peak"
     heads = ("rpm", ("Hz", ".5g"), ("Damping, %", ".3g"))
-    return row_table("Critical speeds", heads, rows, caption=hidden_text if hidden else None)
+    return row_table("Critical speeds", heads, rows, caption=caption)

@@ -77,9 +77,17 @@ class SearchOptions:
         quantile = self.quantile is not None
         refuse((sigmas or quantile) and not self.scatter, "--sigmas and --quantile: need --scatter")
         refuse(sigmas and quantile, "--sigmas: takes no --quantile beside it")
-        lists = {name: getattr(self, name) or [] for name in ("sets", "targets", "constraints")}
-        goal = None if self.targets else self.objective or "mechanical_efficiency"
-        return replace(self, **lists, scatter=self.scatter or [], objective=goal)
+        goal = None
+        if not self.targets:
+            goal = self.objective or "mechanical_efficiency"
+        return replace(
+            self,
+            sets=self.sets or [],
+            targets=self.targets or [],
+            constraints=self.constraints or [],
+            scatter=self.scatter or [],
+            objective=goal,
+        )
 
     @property
     def maximised(self) -> bool | None:
@@ -164,9 +172,7 @@ def optimise(search: SearchOptions, output: Output) -> None:
         return
     with waiting("Comparing with the present design ..."):
         comparison = outcome.compare()
-    keys = ("name", "unit", "present", "optimum")
-    rows = comparison.rows if comparison else ()
-    metadata["comparison"] = [dict(zip(keys, (*row[:2], *row.values), strict=True)) for row in rows]
+    metadata["comparison"] = _comparison_entries(comparison)
     scene, metadata["not_in_scene"] = jc.scene.optimised_scene(scene, outcome)
     design = "optimised machine" if outcome.feasible else "the machine of the nearest design"
 
@@ -188,6 +194,16 @@ def optimise(search: SearchOptions, output: Output) -> None:
         raise typer.Exit(_NOT_FEASIBLE)
 
 
+def _comparison_entries(comparison: jc.study.Comparison | None) -> list[dict[str, Any]]:
+    """The quantities of the present design and of the optimum, one entry for each."""
+    if comparison is None:
+        return []
+    entries = []
+    for name, unit, (present, optimum) in comparison.rows:
+        entries.append({"name": name, "unit": unit, "present": present, "optimum": optimum})
+    return entries
+
+
 # ------------------------------------------------------------------- the problem
 def _problem(
     search: SearchOptions, design: jc.machine.Machine, options: jc.AnalysisOptions
@@ -201,8 +217,9 @@ def _problem(
         low, colon, high = text.partition(":")
         form = "must have the form NAME=LOW:HIGH, such as bore_at_displacement=100mm:160mm"
         refuse(not colon, f"--variable {name}={text}: {form}")
-        ends = (si(end, unit, f"--variable {name}") for end in with_one_unit((low, high)))
-        ranges[name] = tuple(ends)
+        low, high = with_one_unit((low, high))
+        option = f"--variable {name}"
+        ranges[name] = (si(low, unit, option), si(high, unit, option))
     quantities: list[Any] = list(assignments(search.targets, "--target"))
     if search.objective and search.scatter:
         quantities = [_robust(search, design)]
@@ -233,9 +250,11 @@ def _searched(
     with progress_of("Compiling and sampling") as progress:
 
         def callback(stage: str, count: int, total: int) -> None:
-            words = "Sampling the ranges" if stage == "sample" else "Searching, designs"
-            # a descent ends as soon as it has converged
-            progress.at(count, total, words, is_limit=stage != "sample")
+            if stage == "sample":
+                progress.at(count, total, "Sampling the ranges", is_limit=False)
+            else:
+                # a descent ends as soon as it has converged
+                progress.at(count, total, "Searching, designs", is_limit=True)
 
         def keep(problem, designs, evaluation) -> None:
             solved.append((designs, evaluation.values, evaluation.ok))
@@ -259,13 +278,16 @@ def _robust(search: SearchOptions, design: jc.machine.Machine) -> jc.study.toler
     from ..scene.tolerances import tolerances_of
 
     tolerances = tolerances_of(design, assignments(search.scatter, "--scatter"))
+    robust = partial(jc.study.tolerance.robust, design, search.objective, tolerances)
+    sigmas = search.sigmas
+    quantile = search.quantile
+    if sigmas is None:
+        sigmas = 3.0
     # the worse end is below the mean of what is maximised, above it of what is minimised
     maximised = search.maximised
-    robust = partial(jc.study.tolerance.robust, design, search.objective, tolerances)
-    if search.quantile is not None:
-        return robust(quantile=1 - search.quantile if maximised else search.quantile)
-    sigmas = 3.0 if search.sigmas is None else search.sigmas
-    return robust(sigmas=-sigmas if maximised else sigmas)
+    if quantile is None:
+        return robust(sigmas=-sigmas if maximised else sigmas)
+    return robust(quantile=1 - quantile if maximised else quantile)
 
 
 # ------------------------------------------------------------------- tables
@@ -277,21 +299,15 @@ def optimum_tables(result: dict[str, Any], comparison: jc.study.Comparison | Non
     if goal["name"] == "residuals":
         direction = "met targets"
     name = shown(goal["name"], goal["unit"], goal["value"]).words
-    rows: list[Any] = [
-        (
-            variable["name"],
-            _text(variable, variable["present"]),
-            bold(_text(variable, variable["value"])),
-            f"{_text(variable, variable['low'])} to {_text(variable, variable['high'])}",
-            variable["at_bound"] and f"on its {variable['at_bound']} bound",
-        )
-        for variable in variables
-    ]
+    feasible = result["feasible"]
+    label = "Nearest"
+    aim = result["verdict"]
+    if feasible:
+        label = "Optimum"
+        aim = f"{direction} {name.lower()}"
+    rows: list[Any] = list(map(_variable_row, variables))
     best = bold(_text(goal, goal["value"], 6))
     rows += [(), (name, _text(goal, goal["present"], 6), best, "", "")]
-    feasible = result["feasible"]
-    label = "Optimum" if feasible else "Nearest"
-    aim = f"{direction} {name.lower()}" if feasible else result["verdict"]
     yield row_table(f"{result['machine']}: {aim}", ("", "Present", label, "Range", ""), rows)
     if result["constraints"] and not feasible:
         yield _constraints_table(result)
@@ -301,10 +317,12 @@ def optimum_tables(result: dict[str, Any], comparison: jc.study.Comparison | Non
         yield _constraints_table(result)
     rows = []
     for start in result["starts"]:
-        values = map(_text, variables, start["start"])
-        end = f"at the {label.lower()}" if start["agrees"] else "elsewhere"
+        values = ", ".join(map(_text, variables, start["start"]))
         objective = _text(goal, start["objective"], 6)
-        rows.append((", ".join(values), objective, start["steps"], start["status"], end))
+        end = "elsewhere"
+        if start["agrees"]:
+            end = f"at the {label.lower()}"
+        rows.append((values, objective, start["steps"], start["status"], end))
     yield row_table(None, ("Start", "Objective", "Designs solved", "Ended", ""), rows)
     solved = f"{result['evaluations']} with derivatives, {result['sample']['count']} in the sample"
     rows = [("Ended", result["status"])]
@@ -317,6 +335,19 @@ def optimum_tables(result: dict[str, Any], comparison: jc.study.Comparison | Non
         ("Time", f"{result['seconds']:.1f} s"),
     ]
     yield row_table(None, ("Search", ""), rows, texts=2)
+
+
+def _variable_row(variable: dict[str, Any]) -> tuple[str | None, ...]:
+    """The present and the best value of a variable, its range, and the bound that holds it."""
+    low = _text(variable, variable["low"])
+    high = _text(variable, variable["high"])
+    return (
+        variable["name"],
+        _text(variable, variable["present"]),
+        bold(_text(variable, variable["value"])),
+        f"{low} to {high}",
+        variable["at_bound"] and f"on its {variable['at_bound']} bound",
+    )
 
 
 def _constraints_table(result: dict[str, Any]) -> Any:
@@ -348,9 +379,13 @@ def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     variables = result["variables"]
     names = [shown(objective["name"], objective["unit"], 1.0).words for objective in objectives]
     rows: list[Any] = []
+    dominated = 0
     for point in result["points"]:
         exchange = number_text(point["exchange"], ".3g")
-        status = "dominated" if point["dominated"] else point["status"]
+        status = point["status"]
+        if point["dominated"]:
+            status = "dominated"
+            dominated += 1
         values = _texts(objectives, point["objectives"], 6)
         rows.append((*values, *_texts(variables, point["values"]), exchange, status))
     present_values = _texts(objectives, result["present"], 6)
@@ -360,7 +395,7 @@ def front_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield row_table(f"{result['machine']}: {names[0]} against {names[1].lower()}", heads, rows)
     count = result["sample"]
     search = [
-        ("Dominated points", sum(point["dominated"] for point in result["points"])),
+        ("Dominated points", dominated),
         ("Samples better than the front", f"{result['beaten_by']} of {count['feasible']}"),
         ("Exchange", "change of the first objective per unit of the second, SI"),
         ("Designs solved", f"{result['evaluations']}, {count['count']} in the sample"),
@@ -378,8 +413,6 @@ def _texts(
 
 def _text(quantity: dict[str, Any], value: float | None, digits: int = 5) -> str:
     """A value [SI] of something with a name and a unit; empty if there is none."""
-    return (
-        ""
-        if value is None
-        else shown(quantity["name"], quantity["unit"], value).text(value, digits)
-    )
+    if value is None:
+        return ""
+    return shown(quantity["name"], quantity["unit"], value).text(value, digits)

@@ -18,7 +18,7 @@ import jaxcomp as jc
 from .._core.extensions import ExtensionError
 from .._core.files import regular
 from .._core.registry import DESIGN_RULES, registered
-from ._arguments import assignments, changed_scene
+from ._arguments import assignments, changed_scene, split_at
 from ._start import CommandError, refuse, show_error, start_jax
 
 _MACHINES = Path(__file__).parents[1] / "machines"
@@ -31,12 +31,14 @@ def complete_machine(incomplete: str) -> list[tuple[str, str]]:
     for file in sorted(_MACHINES.glob("*.toml")):
         if file.stem.startswith(incomplete):
             candidates.append((file.stem, _tables(file).get("description", "")))
-    folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
-    files = sorted(folder.glob("*")) if folder.is_dir() else ()
-    for file in files:
+    folder = Path(incomplete)
+    if not incomplete.endswith("/"):
+        folder = folder.parent
+    for file in sorted(folder.glob("*")):
         name = f"{file}/" if file.is_dir() else str(file)
+        kind = "machine file" if file.suffix == ".toml" else "folder"
         if name.startswith(incomplete) and (file.is_dir() or file.suffix == ".toml"):
-            candidates.append((name, "machine file" if file.suffix == ".toml" else "folder"))
+            candidates.append((name, kind))
     return candidates
 
 
@@ -56,8 +58,12 @@ def complete_quantity(incomplete: str) -> list[tuple[str, str]]:
         quantities = registered()
     except ExtensionError:  # the command itself tells; a key press in the shell has nowhere to
         return []
-    names = ((quantity.name.partition("<")[0], quantity.doc) for quantity in quantities)
-    return [(name, doc) for name, doc in names if name.startswith(incomplete)]
+    candidates = []
+    for quantity in quantities:
+        name = quantity.name.partition("<")[0]
+        if name.startswith(incomplete):
+            candidates.append((name, quantity.doc))
+    return candidates
 
 
 def _complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -67,11 +73,13 @@ def _complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     if not machine or "=" in incomplete:
         return []
     file = _MACHINES / f"{machine}.toml"
-    tables = _tables(file if file.exists() else Path(machine))
-    planes = [row.get("name") for row in tables.get("balancing", {}).get("planes", ())]
+    if not file.exists():
+        file = Path(machine)
+    tables = _tables(file)
     paths = list(_paths(tables))
-    for plane in planes:
-        paths += [f"corrections.{plane}.{part}" for part in ("x", "y", "magnitude", "angle")]
+    for plane in tables.get("balancing", {}).get("planes", ()):
+        name = plane.get("name")
+        paths += [f"corrections.{name}.{part}" for part in ("x", "y", "magnitude", "angle")]
     return [f"{path}=" for path in paths if path.startswith(incomplete)]
 
 
@@ -140,7 +148,9 @@ def solver_of(text: str, compressor: jc.Compressor) -> Any:
         raise CommandError(f"--solver {text}: must have 3 to 64 nodes on a panel after the colon")
     import diffrax  # a third of a second, for those who march
 
-    method_type = getattr(diffrax, "Tsit5" if name == "shooting" else name, None)
+    if name == "shooting":
+        name = "Tsit5"
+    method_type = getattr(diffrax, name, None)
     keywords = {}
     try:
         if not isinstance(method_type, type):
@@ -179,17 +189,19 @@ _NOT_OF_USERS = ("size", "cylinders")
 
 def cycle_of(cycle: jc.cylinder.CycleOptions, texts: list[str]) -> jc.cylinder.CycleOptions:
     """Options of the cycle, changed by any number of `NAME=VALUE,NAME=VALUE`."""
-    defaults = {field.name: getattr(cycle, field.name) for field in fields(cycle)}
-    for name in _NOT_OF_USERS:
-        del defaults[name]
+    defaults = {}
+    for field in fields(cycle):
+        if field.name not in _NOT_OF_USERS:
+            defaults[field.name] = getattr(cycle, field.name)
     changes: dict[str, Any] = {}
     for pair in ",".join(texts).split(","):
-        name, _, text = (part.strip() for part in pair.partition("="))
+        name, _, text = split_at("=", pair)
         names = f"must be NAME=VALUE with one of {', '.join(defaults)}"
         refuse(name not in defaults, f"--cycle {pair}: {names}")
         refuse(name in changes, f"--cycle {pair}: {name} is set twice")
-        # a number that follows from the machine is a count
-        kind = int if defaults[name] is None else type(defaults[name])
+        kind = type(defaults[name])
+        if defaults[name] is None:
+            kind = int  # a number that follows from the machine is a count
         try:
             value = kind(text)
         except ValueError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 import typer
@@ -135,10 +135,9 @@ def _solved(pulsation) -> dict[str, Any]:
     """The coupled answer as plain numbers."""
     from .._core.status import names_of_codes
 
-    return {
-        "pressures": {name: float(value) for name, value in pulsation.pressures.items()},
-        "spectra": {name: sizes.tolist() for name, sizes in pulsation.spectra().items()},
-        "limits": [
+    limits = []
+    for limit in pulsation.limits:
+        limits.append(
             {
                 "place": limit.place,
                 "order": limit.order,
@@ -146,14 +145,17 @@ def _solved(pulsation) -> dict[str, Any]:
                 "allowed": float(limit.allowed),
                 "margin": float(limit.margin),
             }
-            for limit in pulsation.limits
-        ],
-        "approach_1": {
-            name: {"value": float(limit.value), "allowed": float(limit.allowed)}
-            for name, limit in pulsation.approach_1.items()
-        },
-        "shaking": {name: float(value) for name, value in pulsation.shaking_forces.items()},
-        "pressure_drop": {name: float(value) for name, value in pulsation.mean_drops.items()},
+        )
+    approach_1 = {}
+    for name, limit in pulsation.approach_1.items():
+        approach_1[name] = {"value": float(limit.value), "allowed": float(limit.allowed)}
+    return {
+        "pressures": _floats(pulsation.pressures),
+        "spectra": {name: sizes.tolist() for name, sizes in pulsation.spectra().items()},
+        "limits": limits,
+        "approach_1": approach_1,
+        "shaking": _floats(pulsation.shaking_forces),
+        "pressure_drop": _floats(pulsation.mean_drops),
         "resolution": float(pulsation.resolution),
         "status": str(names_of_codes(int(pulsation.status._value))),
         "linear_error": float(pulsation.linear_error),
@@ -162,14 +164,21 @@ def _solved(pulsation) -> dict[str, Any]:
     }
 
 
+def _floats(values: Mapping[str, Any]) -> dict[str, float]:
+    """Numbers of NumPy or JAX as plain ones."""
+    return {name: float(value) for name, value in values.items()}
+
+
 def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
     """Resonances with their crossings, and of a solved machine pressures, limits and forces."""
     rows = []
     for resonance in result["resonances"]:
         met = ", ".join(f"{c['speed'] * RPM:.5g} ({c['order']})" for c in resonance["crossings"])
-        near = "near" if resonance["margin"] < _NEAR else ""
+        remarks = []
+        if resonance["margin"] < _NEAR:
+            remarks.append("near")
         if resonance["quality"] > _SHARP:
-            near = f"{near}, hardly damped".removeprefix(", ")
+            remarks.append("hardly damped")
         margin = f"{100 * resonance['margin']:.3g} % of order {resonance['nearest_order']}"
         row = (
             resonance["number"],
@@ -177,7 +186,7 @@ def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
             resonance["frequency"],
             resonance["quality"],
             margin,
-            near,
+            ", ".join(remarks),
             met,
         )
         rows.append(row)
@@ -190,8 +199,7 @@ def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:
     yield _pressures(solved)
     yield _limits(solved)
     if solved["shaking"]:
-        rows = [(name, force) for name, force in solved["shaking"].items()]
-        yield row_table(None, ("Shaking force of runs", ("N", ".4g")), rows)
+        yield row_table(None, ("Shaking force of runs", ("N", ".4g")), solved["shaking"].items())
     rows = [("Last harmonic over the largest", f"{solved['resolution']:.2g}")]
     rows.append(
         ("Error of the flow as waves are not small", f"{100 * solved['linear_error']:.2g} %")
@@ -207,19 +215,27 @@ def _pressures(solved: dict[str, Any]):
         orders = [f"{size:.4g}" for size in sizes[:4]]
         rows.append((node, values[f"{node}.peak_to_peak"], values[f"{node}.mean"], *orders))
     heads = ("Node", ("Peak to peak, Pa", ".5g"), ("Mean, Pa", ".4g"))
-    return row_table(None, (*heads, *(f"Order {n}" for n in range(1, 5))), rows)
+    orders = ("Order 1", "Order 2", "Order 3", "Order 4")
+    return row_table(None, (*heads, *orders), rows)
+
+
+def _percents(limit: dict[str, Any]) -> tuple[str, str]:
+    """The pulsation that a limit is for, and the one that it allows."""
+    return f"{100 * limit['value']:.4g} %", f"{100 * limit['allowed']:.4g} %"
 
 
 def _limits(solved: dict[str, Any]):
     rows = []
     for limit in solved["limits"]:
-        filter_text = f"order {limit['order']}" if limit["order"] else "unfiltered"
-        percent_texts = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
+        filter_text = "unfiltered"
+        if limit["order"]:
+            filter_text = f"order {limit['order']}"
         passed = "passed" if limit["margin"] < 1 else ""
-        rows.append((limit["place"], filter_text, *percent_texts, f"{limit['margin']:.4g}", passed))
+        rows.append(
+            (limit["place"], filter_text, *_percents(limit), f"{limit['margin']:.4g}", passed)
+        )
     for place, limit in solved["approach_1"].items():
-        percent_texts = [f"{100 * limit[name]:.4g} %" for name in ("value", "allowed")]
         margin = limit["allowed"] / max(limit["value"], 1e-12)
-        rows.append((place, "unfiltered, approach 1", *percent_texts, f"{margin:.4g}", ""))
+        rows.append((place, "unfiltered, approach 1", *_percents(limit), f"{margin:.4g}", ""))
     heads = ("API 618, peak to peak", "", "Pulsation", "Allowed", "Margin", "")
     return row_table(None, heads, rows)

@@ -14,7 +14,7 @@ from . import _options as opt
 from ._output import Output, header
 from ._rotor import chosen_excitation, points_and_range, pull_row, rotor_of, whirl
 from ._start import CommandError, refuse_unknown, waiting
-from ._tables import row_table
+from ._tables import number_heads, row_table
 
 # Orders of the crank's forces that are shown if none are named; those above are small.
 _OF_CRANK = (1, 2, 3, 4)
@@ -48,7 +48,7 @@ def respond(
     from ..rotor._nodes import node_names
     from ..rotor._response import SingularResponse
 
-    names = {str(name) for name in node_names(rotor_of(scene))}
+    names = set(map(str, node_names(rotor_of(scene))))
     for name in node or ():
         refuse_unknown(f"--node {name}", name, names, "node")
     loads = scene.parts.get("loads")
@@ -95,13 +95,17 @@ def respond(
 def whole_orders(text: str | None, loads: Sequence | None) -> tuple[int, ...]:
     """The orders of `--orders`, all that are loaded but the mean, or without loads those of the crank."""
     if text is None:
+        if loads is None:
+            return _OF_CRANK
         from ..vibration._machine import excited_orders
 
-        return _OF_CRANK if loads is None else excited_orders(tuple(loads))
-    numbers = [word.strip() for word in text.split(",")]
-    if not all(word.isdigit() and int(word) > 0 for word in numbers):
-        raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')
-    return tuple(dict.fromkeys(int(word) for word in numbers))
+        return excited_orders(tuple(loads))
+    orders = []
+    for word in map(str.strip, text.split(",")):
+        if not word.isdigit() or int(word) == 0:
+            raise CommandError(f'--orders {text}: must be whole numbers above zero, such as "1,2"')
+        orders.append(int(word))
+    return tuple(dict.fromkeys(orders))
 
 
 def response_tables(result: dict[str, Any]) -> Iterator[Any]:
@@ -110,10 +114,12 @@ def response_tables(result: dict[str, Any]) -> Iterator[Any]:
         yield _orbits(result, place)
     rows = []
     for begin, axes, n, s in _each(result, result["links"]):
-        # a link has forces along its own axes alone
-        forces = (axes[axis][n][s] if axis in axes else None for axis in result["axes"])
-        rows.append((*begin, *forces))
-    heads = ("Link, N and N m", "n", "rpm", *((axis, ".4g") for axis in result["axes"]))
+        row = [*begin]
+        for axis in result["axes"]:
+            # a link has forces along its own axes alone
+            row.append(axes[axis][n][s] if axis in axes else None)
+        rows.append(row)
+    heads = ("Link, N and N m", "n", "rpm", *number_heads(".4g", *result["axes"]))
     yield row_table(None, heads, rows, unbroken=(0,))
     if "linearised" in result:
         yield from _linearised(result, result["linearised"])
@@ -138,12 +144,15 @@ def _orbits(result, s):
     rows = []
     for name, motion in result["nodes"].items():
         for n, order in enumerate(result["orders"]):
-            x, y = (motion["amplitude"][a][n][s] for a in ("ux", "uy"))
+            x = motion["amplitude"]["ux"][n][s]
+            y = motion["amplitude"]["uy"][n][s]
             major = motion["major_axis"][n][s]
             minor = motion["minor_axis"][n][s]
             velocity = order * speed * math.hypot(x, y) / math.sqrt(2)
-            micrometres = (_short(v * 1e6) for v in (x, y, major, abs(minor)))
-            direction = whirl(minor / major if major else 0.0)
+            micrometres = (_short(size * 1e6) for size in (x, y, major, abs(minor)))
+            direction = whirl(0.0)
+            if major:
+                direction = whirl(minor / major)
             first = name if n == 0 else ""
             rows.append((first, order, *micrometres, direction, _short(1e3 * velocity)))
     title = (
@@ -158,20 +167,25 @@ def _orbits(result, s):
 
 def _short(value: float) -> str:
     """Three digits in five characters, so that the table fits a narrow terminal; JSON has all."""
-    if not value >= 0.01:
-        return "<0.01" if value > 0 else "0"
     if value >= 0.1:
         return f"{value:.3g}"
-    return f"{value:.3f}"
+    if value >= 0.01:
+        return f"{value:.3f}"
+    if value > 0:
+        return "<0.01"
+    return "0"
 
 
 def _linearised(result, linearisations):
     """Vibration and films with the films linearised at their mean load and along the orbits."""
     rows = []
-    for begin, name, n, s in _each(result, {name: name for name in result["nodes"]}):
+    names = result["nodes"]
+    for begin, name, n, s in _each(result, dict(zip(names, names, strict=True))):
         at_mean = linearisations["mean_load"]["major_axis"][name][n][s]
         on_orbit = linearisations["orbit"]["major_axis"][name][n][s]
-        change = f"{100 * (on_orbit / at_mean - 1):+.2g}" if at_mean else ""
+        change = ""
+        if at_mean:
+            change = f"{100 * (on_orbit / at_mean - 1):+.2g}"
         rows.append((*begin, _short(1e6 * at_mean), _short(1e6 * on_orbit), change))
     title = "Major axis in µm with the films linearised at their mean load, or along their orbits"
     heads = ("Node", "n", "rpm", "Mean load", "Orbit", "Change, %")
@@ -182,9 +196,10 @@ def _linearised(result, linearisations):
             film = linearisations[place]["films"][name]
             (kxx, kxy), (kyx, kyy) = film["stiffness"][0]
             (cxx, _), (_, cyy) = film["damping"][0]
-            values = [*(1e-6 * k for k in (kxx, kxy, kyx, kyy)), 1e-3 * cxx, 1e-3 * cyy]
-            rows.append((name if place == "mean_load" else "", words, *values))
-    numbers = ((name, ".3g") for name in ("kxx", "kxy", "kyx", "kyy", "cxx", "cyy"))
+            stiffness = (1e-6 * k for k in (kxx, kxy, kyx, kyy))
+            first = name if place == "mean_load" else ""
+            rows.append((first, words, *stiffness, 1e-3 * cxx, 1e-3 * cyy))
+    numbers = number_heads(".3g", "kxx", "kxy", "kyx", "kyy", "cxx", "cyy")
     yield row_table(None, ("Film, MN/m, kN s/m", "At", *numbers), rows, texts=2)
 
 
@@ -193,11 +208,12 @@ def _peaks(result):
     rows = []
     for name, orders in result["curves"]["major_axis"].items():
         for n, order in enumerate(result["orders"]):
-            # None where there is no response
-            points = zip(orders[n], speeds, strict=True)
-            solved = [point for point in points if point[0] is not None]
+            solved = []
+            for major, speed in zip(orders[n], speeds, strict=True):
+                if major is not None:  # where there is a response
+                    solved.append((major, speed))
             if solved:
-                value, at = max(solved)
-                rows.append((name if n == 0 else "", order, value * 1e6, at * RPM))
+                largest, at = max(solved)
+                rows.append((name if n == 0 else "", order, largest * 1e6, at * RPM))
     title = f"Largest major axis from {speeds[0] * RPM:.5g} to {speeds[-1] * RPM:.5g} rpm"
     return row_table(title, ("Node", "n", ("µm", ".4g"), ("at rpm", ".5g")), rows, unbroken=(0,))

@@ -34,12 +34,17 @@ def points_and_range(scene: jc.scene.Scene, single: Sequence[str] | None, speeds
     import numpy as np
 
     needs_rotor(scene)  # told before a speed that the command line lacks
-    listed_speeds = None if speeds is None else speeds_of(speeds)
-    range_ = listed_speeds if ":" in (speeds or "") else None
+    range_ = None
+    listed_speeds = []
+    if speeds is not None and ":" in speeds:
+        range_ = speeds_of(speeds)
+    elif speeds is not None:
+        listed_speeds = speeds_of(speeds).tolist()
     points = [speed_of(text, f"--speed {text}") for text in single or ()]
-    if listed_speeds is not None and range_ is None:
-        points += listed_speeds.tolist()
-    return np.array(points) if points else scene_speeds(scene), range_
+    points += listed_speeds
+    if not points:
+        return scene_speeds(scene), range_
+    return np.array(points), range_
 
 
 def needs_rotor(scene: jc.scene.Scene) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Any
 
 from rich.markup import escape
@@ -11,7 +12,7 @@ from rich.markup import escape
 import jaxcomp as jc
 
 from .._core.display import RPM, ZERO_CELSIUS, axes_words, shown
-from ._tables import Markup, number_text, percent_text, row_table, words
+from ._tables import Markup, as_note, number_heads, number_text, percent_text, row_table, words
 
 # Quantities that the other tables of a run have.
 _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_shaking_moment")
@@ -20,7 +21,7 @@ _IN_OTHER_TABLES = ("swept_volume", "joint_margin", "peak_shaking_force", "peak_
 def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
     """Efficiency and power, losses, joint forces, residuals, verification, vibration."""
     yield _summary(scene, result)
-    yield from (f"[yellow]Note:[/yellow] {escape(remark)}" for remark in result["remarks"])
+    yield from map(as_note, map(escape, result["remarks"]))
     if "impact_speed" in result:
         yield _power(result)
         yield _valves(result)
@@ -47,23 +48,29 @@ def run_tables(scene: jc.scene.Scene, result: dict[str, Any]) -> Iterator[Any]:
         yield _torsion(result["torsion"])
 
 
-def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
+def _size(compressor: jc.Compressor, result: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Row of bore, stroke and swept volume, of a machine with a bore."""
     from .._core.each import listed, of_cylinder
+
+    bore = getattr(of_cylinder(compressor.mechanism), "bore", None)
+    if bore is None:
+        return
+    size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
+    volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
+    extent = ""
+    if compressor.crankshaft.count > 1:
+        extent = f" in each of {compressor.crankshaft.count} cylinders"
+    if getattr(compressor.gas, "rod_diameter", None) is not None:
+        extent = f" on both sides{extent}"
+    if listed(compressor.mechanism):
+        extent = " in the first of them"
+    yield "Bore x stroke", size, f"{volume} swept{extent}"
+
+
+def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
     from ..study._steady_state import crank_quantities
 
-    rows = []
-    compressor = scene.as_compressor()
-    count = compressor.crankshaft.count
-    bore = getattr(of_cylinder(compressor.mechanism), "bore", None)
-    if bore is not None:
-        size = f"{float(bore) * 1e3:.4g} x {result['stroke'] * 1e3:.4g} mm"
-        volume = shown("", "m^3", result["swept_volume"]).text(result["swept_volume"])
-        extent = "" if count == 1 else f" in each of {count} cylinders"
-        if getattr(compressor.gas, "rod_diameter", None) is not None:
-            extent = f" on both sides{extent}"
-        if listed(compressor.mechanism):
-            extent = " in the first of them"
-        rows.append(("Bore x stroke", size, f"{volume} swept{extent}"))
+    rows = list(_size(scene.as_compressor(), result))
     low = RPM * result["lowest_speed"]
     high = RPM * result["highest_speed"]
     notes = {
@@ -79,23 +86,33 @@ def _summary(scene: jc.scene.Scene, result: dict[str, Any]):
         if value is None:
             rows.append((shown(quantity.name, quantity.unit, 0.0).words, "none", note))
             continue
-        sizes = [value, result["motor_power"]] if quantity.unit == "W" else value
+        sizes = value
+        if quantity.unit == "W":
+            sizes = [value, result["motor_power"]]
         look = shown(quantity.name, quantity.unit, sizes)
         name = look.words
-        text = f"{100 * value:.2f} %" if look.unit == "%" else look.text(value)
+        text = look.text(value)
+        if look.unit == "%":
+            text = f"{100 * value:.2f} %"
         if quantity.unit == "W" and quantity.name != "capacity":
             text = look.text(value, 4)
             note = f"{value * result['period']:.5g} J per revolution"
         if quantity.name == "mechanical_efficiency":
-            text = Markup("[bold]none" if meaningless else f"[bold]{text}")
+            if meaningless:
+                text = "none"
+            text = Markup(f"[bold]{text}")
             name = Markup(f"[bold]{name}")
         rows.append((name, text, note))
     rows += _between_stages(result)
-    title = scene.name
-    changes = [f"{k} = {v}" for k, v in {**result["set"], **result["design"]}.items()]
-    if changes:
-        title += f" with {', '.join(changes)}"
-    return row_table(title, ("Periodic state", "", ""), rows, texts=3)
+    return row_table(_changed_name(scene, result), ("Periodic state", "", ""), rows, texts=3)
+
+
+def _changed_name(scene: jc.scene.Scene, result: dict[str, Any]) -> str:
+    """The name of a machine with what the command line changes in it."""
+    changes = [f"{name} = {text}" for name, text in {**result["set"], **result["design"]}.items()]
+    if not changes:
+        return scene.name
+    return f"{scene.name} with {', '.join(changes)}"
 
 
 def _between_stages(result: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -141,16 +158,18 @@ def _power(result: dict[str, Any]):
         if abs(use) > 1e-12 * abs(total):
             rows.append((words(name), f"{use:.4g}", percent_text(use, total)))
     rows += [(), ("Total", f"{total:.5g}", "100.00 %"), ()]
-    rows += [(words(name), "", f"{100 * share:.2f} %") for name, share in volume.items()]
+    for name, share in volume.items():
+        rows.append((words(name), "", f"{100 * share:.2f} %"))
     return row_table(None, ("Use of power, then of the swept volume", "W", "Share"), rows)
 
 
 def _valves(result: dict[str, Any]):
     impact = result["impact_speed"]
-    rows = [
-        (words(valve), impact[f"{valve}_seat"], impact[f"{valve}_stop"], math.degrees(angle))
-        for valve, angle in result["closing_angle"].items()
-    ]
+    rows = []
+    for valve, angle in result["closing_angle"].items():
+        seat = impact[f"{valve}_seat"]
+        stop = impact[f"{valve}_stop"]
+        rows.append((words(valve), seat, stop, math.degrees(angle)))
     speeds = (("Impact on seat, m/s", ".3g"), ("On stop, m/s", ".3g"))
     return row_table(None, ("Valve", *speeds, ("Shuts last at, degrees", ".1f")), rows)
 
@@ -159,14 +178,15 @@ def _pipes(result: dict[str, Any]):
     """Table of the pressures in pipes, with what they cost."""
     values = result["pulsation"]
     drops = result["pressure_drop"]
-    nodes = [name.removesuffix(".mean") for name in values if name.endswith(".mean")]
     rows = []
-    for node in nodes:
-        drop = drops.get(node)
-        orders = [f"{values[f'{node}.order_{order}']:.4g}" for order in range(1, 5)]
+    for name in values:
+        if not name.endswith(".mean"):
+            continue
+        node = name.removesuffix(".mean")
         peak = values[f"{node}.peak_to_peak"]
-        rows.append((node, peak, *orders, number_text(drop, ".4g")))
-    orders = tuple(f"Order {order}" for order in range(1, 5))
+        orders = [f"{values[f'{node}.order_{order}']:.4g}" for order in range(1, 5)]
+        rows.append((node, peak, *orders, number_text(drops.get(node), ".4g")))
+    orders = ("Order 1", "Order 2", "Order 3", "Order 4")
     heads = ("Pressure in pipes", ("Peak to peak, Pa", ".5g"), *orders, "Mean drop, Pa")
     caption = f"least limit of API 618 over its pulsation: {result['pulsation_margin']:.3g}"
     return row_table(None, heads, rows, caption=caption)
@@ -176,8 +196,14 @@ def _forces(result: dict[str, Any]):
     peaks = result["peak_forces"]
     mean = result["mean_forces"]
     largest = max(peaks.values(), default=0.0)
-    unit, scale = ("kN", 1e3) if largest >= 1e3 else ("N", 1.0)
-    rows = [(words(name), mean[name] / scale, peak / scale) for name, peak in peaks.items()]
+    unit = "N"
+    scale = 1.0
+    if largest >= 1e3:
+        unit = "kN"
+        scale = 1e3
+    rows = []
+    for name, peak in peaks.items():
+        rows.append((words(name), mean[name] / scale, peak / scale))
     size = result["peak_shaking_force"]
     if not size > 1e-9 * largest:
         size = 0.0  # where the cylinders balance each other, rounding is left
@@ -204,14 +230,16 @@ def _shaking(result: dict[str, Any]):
 
 def _unless_rounding(size: float, scale: float) -> float:
     """A size; 0 where it is rounding beside a scale."""
-    return size if size > 1e-6 * scale else 0.0
+    if size > 1e-6 * scale:
+        return size
+    return 0.0
 
 
 def _reversals(rods: dict[str, dict[str, float]]):
     """For how long, and with which share, the load of a crosshead pin is on its smaller side."""
-    rows = [
-        (words(name), math.degrees(rod["angle"]), 100 * rod["share"]) for name, rod in rods.items()
-    ]
+    rows = []
+    for name, rod in rods.items():
+        rows.append((words(name), math.degrees(rod["angle"]), 100 * rod["share"]))
     heads = ("Rod load", ("Reversed for, °", ".4g"), ("Smaller side, %", ".3g"))
     return row_table("Load reversal (API 618: 15°, 3 %)", heads, rows)
 
@@ -220,61 +248,75 @@ def _api_618(sheet: dict[str, Any]) -> Iterator[Any]:
     """The page of API 618 as its data sheets head it: rods, ends of the cylinders, shaking."""
     numbers = (("Bore, mm", ".4g"), ("Stroke, mm", ".4g"), ("Rod dia., mm", ".4g"))
     numbers += (("Piston speed, m/s", ".3g"), ("Recip. weight, kg", ".4g"))
-    rows = [
-        (
-            str(throw["cylinder"]),
-            throw["bore"] * 1e3,
-            throw["stroke"] * 1e3,
-            throw["rod_diameter"] and throw["rod_diameter"] * 1e3,
-            throw["piston_speed"],
-            throw["reciprocating_mass"],
+    rows = []
+    for throw in sheet["throws"]:
+        rows.append(
+            (
+                str(throw["cylinder"]),
+                throw["bore"] * 1e3,
+                throw["stroke"] * 1e3,
+                throw["rod_diameter"] and throw["rod_diameter"] * 1e3,
+                throw["piston_speed"],
+                throw["reciprocating_mass"],
+            )
         )
-        for throw in sheet["throws"]
-    ]
     yield row_table("API 618, cylinder data", ("Throw", *numbers), rows)
     if sheet["ends"]:
         yield _cylinder_ends(sheet["ends"])
     yield _rod_loads(sheet["throws"])
+    yield _unbalanced(sheet)
+
+
+def _unbalanced(sheet: dict[str, Any]):
+    """Forces and couples of order 1 and 2 that the throws leave."""
     names = {1: "Primary", 2: "Secondary"}
-    keys = ("force_x", "force_y", "couple_x", "couple_y")
     # where the throws balance each other, rounding is left
     force = max(throw["inertia_compression"] for throw in sheet["throws"])
     couple = max(max(row["couple_x"], row["couple_y"]) for row in sheet["unbalanced"])
-    scales = (force, force, couple, couple)
+    scales = {"force_x": force, "force_y": force, "couple_x": couple, "couple_y": couple}
     rows = []
     for row in sheet["unbalanced"]:
-        sizes = map(_unless_rounding, (row[key] for key in keys), scales)
-        rows.append((names[row["order"]], *(size / 1e3 for size in sizes)))
-    heads = (("Force along x, kN", ".4g"), ("Force along y, kN", ".4g"))
-    heads += (("Couple about x, kN m", ".4g"), ("Couple about y, kN m", ".4g"))
-    yield row_table("API 618, unbalanced forces and couples", ("", *heads), rows)
+        cells: list[Any] = [names[row["order"]]]
+        for key, scale in scales.items():
+            cells.append(_unless_rounding(row[key], scale) / 1e3)
+        rows.append(cells)
+    heads = number_heads(
+        ".4g",
+        "Force along x, kN",
+        "Force along y, kN",
+        "Couple about x, kN m",
+        "Couple about y, kN m",
+    )
+    return row_table("API 618, unbalanced forces and couples", ("", *heads), rows)
 
 
 def _cylinder_ends(ends: list[dict[str, Any]]):
     """Pressures, temperatures and volumes of the compressing ends."""
-    rows = [
-        (
-            f"{end['cylinder']}, {end['end']} end",
-            str(end["stage"]),
-            end["suction_pressure"] / 1e5,
-            end["discharge_pressure"] / 1e5,
-            end["pressure_ratio"],
-            end["inlet_temperature"] and end["inlet_temperature"] - ZERO_CELSIUS,
-            end["discharge_temperature"] and end["discharge_temperature"] - ZERO_CELSIUS,
-            60 * end["displacement"],
-            100 * end["clearance_ratio"],
-            100 * end["volumetric_efficiency"],
+    has_temperatures = any(end["inlet_temperature"] is not None for end in ends)
+    rows = []
+    for end in ends:
+        temperatures = []
+        if has_temperatures:
+            for name in ("inlet_temperature", "discharge_temperature"):
+                temperatures.append(end[name] and end[name] - ZERO_CELSIUS)
+        rows.append(
+            (
+                f"{end['cylinder']}, {end['end']} end",
+                str(end["stage"]),
+                end["suction_pressure"] / 1e5,
+                end["discharge_pressure"] / 1e5,
+                end["pressure_ratio"],
+                *temperatures,
+                60 * end["displacement"],
+                100 * end["clearance_ratio"],
+                100 * end["volumetric_efficiency"],
+            )
         )
-        for end in ends
-    ]
-    numbers = (("Inlet pressure, bar", ".4g"), ("Disch. pressure, bar", ".4g"), ("Ratio", ".4g"))
-    numbers += (("Inlet temp., °C", ".4g"), ("Disch. temp., °C", ".4g"))
-    numbers += (("Piston displ., m³/min", ".4g"), ("Clearance, %", ".3g"), ("Vol. eff., %", ".4g"))
-    columns = ("Cylinder", "Stage", *numbers)
-    if all(end["inlet_temperature"] is None for end in ends):
-        columns = (*columns[:5], *columns[7:])
-        rows = [(*row[:5], *row[7:]) for row in rows]
-    return row_table("API 618, at the stated conditions", columns, rows)
+    heads = number_heads(".4g", "Inlet pressure, bar", "Disch. pressure, bar", "Ratio")
+    if has_temperatures:
+        heads += number_heads(".4g", "Inlet temp., °C", "Disch. temp., °C")
+    heads += [("Piston displ., m³/min", ".4g"), ("Clearance, %", ".3g"), ("Vol. eff., %", ".4g")]
+    return row_table("API 618, at the stated conditions", ("Cylinder", "Stage", *heads), rows)
 
 
 def _rod_loads(throws: list[dict[str, Any]]):
@@ -297,21 +339,22 @@ def _rod_loads(throws: list[dict[str, Any]]):
 
 def _load_steps(steps: list[dict[str, Any]]):
     """Flow, power, torque, rod loads and temperature at every load step."""
-    rows = [
-        (
-            step["name"],
-            1e3 * step["mass_flow"],
-            100 * step["flow_share"],
-            step["shaft_power"] / 1e3,
-            step["mean_torque"],
-            step["rod_compression"] / 1e3,
-            step["rod_tension"] / 1e3,
-            math.degrees(step["reversal_angle"]),
-            100 * step["reversal_share"],
-            step["discharge_temperature"] - ZERO_CELSIUS,
+    rows = []
+    for step in steps:
+        rows.append(
+            (
+                step["name"],
+                1e3 * step["mass_flow"],
+                100 * step["flow_share"],
+                step["shaft_power"] / 1e3,
+                step["mean_torque"],
+                step["rod_compression"] / 1e3,
+                step["rod_tension"] / 1e3,
+                math.degrees(step["reversal_angle"]),
+                100 * step["reversal_share"],
+                step["discharge_temperature"] - ZERO_CELSIUS,
+            )
         )
-        for step in steps
-    ]
     numbers = (("Flow, g/s", ".4g"), ("Of full, %", ".4g"), ("Shaft, kW", ".4g"))
     numbers += (("Torque, N m", ".4g"), ("Rod comp., kN", ".4g"), ("Rod tens., kN", ".4g"))
     numbers += (("Reversal, °", ".4g"), ("Smaller side, %", ".3g"), ("Hottest end, °C", ".4g"))
@@ -329,21 +372,25 @@ def _journal_films(result: dict[str, Any]):
         if result["film_law"][name] == "orbit":
             law = "orbit"
             by_other_law = result["steady_film_thickness"][name]
-        rows.append((
+        if by_other_law is not None:
+            by_other_law *= 1e6
+        row = [
             words(name),
             law,
             1e6 * thickness,
-            None if by_other_law is None else 1e6 * by_other_law,
+            by_other_law,
             100 * result["thin_film_share"][name],
             result["film_pressure"][name] / 1e6,
             1e6 * result["film_flow"][name],
             result["film_temperature_rise"][name],
-            *([result["contact_loss"][name]] if touch else []),
-        ))  # fmt: skip
-    numbers = ("Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
-    numbers += ("Rubs, W",) if touch else ()
-    heads = ("Film", "By", *((head, ".3g") for head in numbers))
-    return row_table(None, heads, rows, texts=2)
+        ]
+        if touch:
+            row.append(result["contact_loss"][name])
+        rows.append(row)
+    heads = number_heads(".3g", "Least, µm", "Else, µm", "Thin, %", "MPa", "cm³/s", "Rise, K")
+    if touch:
+        heads += [("Rubs, W", ".3g")]
+    return row_table(None, ("Film", "By", *heads), rows, texts=2)
 
 
 def _convergence(result: dict[str, Any]):
@@ -374,7 +421,9 @@ def _verified(result: dict[str, Any], march: dict[str, Any]):
     """Errors that the independent integration of a revolution found, each beside its value."""
 
     def row(name, value, error, unit):
-        share = f"{abs(error / value):.1e}" if value else ""
+        share = ""
+        if value:
+            share = f"{abs(error / value):.1e}"
         return name, f"{value:.6g} {unit}".strip(), f"{error:.1e} {unit}".strip(), share
 
     speed = march["speed"]
@@ -401,7 +450,7 @@ def _vibration(vibration: dict[str, Any], axes: str):
         error = f"{100 * point['free_body_error']:.2g} %"
         rows.append((words(name), *(1e6 * value for value in metres), error))
     title = f"First harmonic on springs of {hertz} Hz, and as a free body"
-    numbers = ((head, ".3g") for head in ("x", "y", "z", "Peak", "Free x", "y", "z"))
+    numbers = number_heads(".3g", "x", "y", "z", "Peak", "Free x", "y", "z")
     return row_table(title, ("µm", *numbers, "Error"), rows, unbroken=(0,), caption=axes)
 
 
@@ -410,8 +459,7 @@ def _torsion(torsion: dict[str, Any]):
     hertz = ", ".join(f"{w / (2 * math.pi):.4g}" for w in torsion["natural_frequencies"])
     first = torsion["natural_frequencies"][0]
     critical = ", ".join(f"{RPM * first / order:.0f}" for order in (1, 2, 3, 4))
-    keys = ("mean_torque", "peak_torque", "peak_error", "largest_order")
-    columns = (torsion[key] for key in keys)
+    columns = itemgetter("mean_torque", "peak_torque", "peak_error", "largest_order")(torsion)
     rows = []
     for mean, peak, error, order in zip(*columns, strict=True):
         rows.append((len(rows) + 1, mean, peak, error, peak / abs(mean), order))
@@ -431,14 +479,14 @@ def undelivered_tables(orbit: jc.Orbit) -> Iterator[Any]:
     cycles: list[Any] = [orbit.cycle]
     cylinder_cycles = getattr(orbit.cycle, "each", None)  # of several cylinders
     if cylinder_cycles is not None:
-        cycles = [
-            jax.tree.map(lambda x, n=n: x[n], cylinder_cycles)
-            for n in range(len(cylinder_cycles.angle))
-        ]
+        count = len(cylinder_cycles.angle)
+        cycles = [jax.tree.map(itemgetter(place), cylinder_cycles) for place in range(count)]
     for number, cycle in enumerate(cycles, 1):
         if cycle.status != Status.no_delivery:
             continue
-        where = "Cylinder" if cylinder_cycles is None else f"Cylinder {number}"
+        where = "Cylinder"
+        if cylinder_cycles is not None:
+            where = f"Cylinder {number}"
         look = shown("temperature", "K", cycle.temperature)
         angle = (np.rad2deg(np.asarray(cycle.angle)) + 180) % 360 - 180
         nodes = [int(np.argmin(np.abs(angle - at))) for at in range(-180, 180, 20)]

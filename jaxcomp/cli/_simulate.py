@@ -70,7 +70,9 @@ def simulate(
         raise CommandError("--duration: is missing; e.g. --duration 2s")
     end = si(duration, "s", "--duration")
     refuse(not end > 0, f"--duration {duration}: must be > 0")
-    off = None if power_off is None else si(power_off, "s", "--power-off")
+    off = None
+    if power_off is not None:
+        off = si(power_off, "s", "--power-off")
     steps = 65536
     instants = 501
     valves = isinstance(compressor.gas, jc.cylinder.Cylinder)
@@ -131,7 +133,9 @@ def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> 
 def simulate_tables(result: dict[str, Any]) -> Iterator[Any]:
     """End of the motion, energies, solver."""
     end = "the crank came to rest" if result["stopped"] else "end of the duration"
-    losses = [(f"{words(k)}, friction", f"{x:.4g} J", "") for k, x in result["losses"].items()]
+    losses = []
+    for name, loss in result["losses"].items():
+        losses.append((f"{words(name)}, friction", f"{loss:.4g} J", ""))
     of_gas = []
     if "delivered_mass" in result:
         pressure = ("Highest pressure", f"{result['highest_pressure'] / 1e5:.5g} bar", "listed")

@@ -44,8 +44,8 @@ class RecordedGroup(TyperGroup):
         except Exception as error:
             # Of click or of what typer has in its place: both keep the text here.
             message = getattr(error, "message", None)
-            match = _NO_CHOICE.search(message) if isinstance(message, str) else None
-            if match is None:
+            match = isinstance(message, str) and _NO_CHOICE.search(message)
+            if not match:
                 raise
             from .._core.words import hint
 
@@ -91,11 +91,13 @@ def reports_errors(command: Callable[..., None]) -> Callable[..., None]:
             command(**options)
             remember_waits()
         except Exception as error:
-            by_user = isinstance(error, _caused_by_user())
-            platform = "" if by_user else _platform_problem()
-            if not by_user and not platform:
-                raise
-            show_error(CommandError(platform) if platform else error)
+            shown_error = error
+            if not isinstance(error, _caused_by_user()):
+                platform = _platform_problem()
+                if not platform:
+                    raise
+                shown_error = CommandError(platform)
+            show_error(shown_error)
             further_errors = len(getattr(error, "others", ()))
             if further_errors:
                 typer.echo(f"and {further_errors} more; `jaxcomp check FILE` lists them", err=True)
@@ -160,8 +162,10 @@ def start_jax(*, once: bool = False) -> None:
     quick_compiles()
     if once:
         unoptimised_compiles()
-    writes = any(word.partition("=")[0] == "--out" for word in _words.get())
-    watch_compiles(task=f"{command_name()}{' --out' if writes else ''}")
+    task = command_name()
+    if any(word.partition("=")[0] == "--out" for word in _words.get()):
+        task = f"{task} --out"
+    watch_compiles(task=task)
 
 
 def quiet_loader() -> None:
@@ -218,7 +222,9 @@ def cluster(address: str | None) -> Iterator[Any]:
         raise CommandError("--dask: needs Dask; pip install 'jaxcomp[dask]'") from None
     # it logs with tracebacks what a lost connection at the end means, above an answer that is whole
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    where = {"scheduler_file" if address.endswith(".json") else "address": address}
+    where = {"address": address}
+    if address.endswith(".json"):
+        where = {"scheduler_file": address}
     try:
         client = Client(**where, timeout=5)
     except (OSError, ValueError) as error:

@@ -15,7 +15,7 @@ import jaxcomp as jc
 
 from .._core.interrupts import words_when_stopped
 from . import _options as opt
-from ._arguments import assignments, si, with_one_unit
+from ._arguments import assignments, si, split_at, with_one_unit
 from ._output import Output
 from ._start import CommandError, cluster, refuse
 from ._tables import row_table
@@ -68,15 +68,16 @@ def sweep(
         raise CommandError(f"--sampling {sampling}: has no meaning without --samples")
     start_devices(devices)
     scene = case.scene(varied=over)
-    layouts = [text for text in over if text.partition("=")[0].strip() == _LAYOUT]
-    axes = axes_of(scene, [text for text in over if text not in layouts], samples is not None)
+    layouts, ranges = _layouts_and_ranges(over)
+    axes = axes_of(scene, ranges, samples is not None)
     quantities = quantity or default_quantities(scene)
     layout_scenes = {}
     if layouts:
         layout_scenes = _with_layouts(scene, assignments(layouts, "--over")[_LAYOUT])
-    store = None if output.out is None else output.out / "sweep.zarr"
+    store = None
     resumption = "nothing was kept; with --out FOLDER a stopped sweep goes on"
-    if store:
+    if output.out is not None:
+        store = output.out / "sweep.zarr"
         resumption = f"{store} is kept; go on with the same command"
     words_when_stopped(f"stopped; {resumption}")
     options: dict[str, Any] = {
@@ -120,6 +121,18 @@ def sweep(
     )
 
 
+def _layouts_and_ranges(texts: Sequence[str]) -> tuple[list[str], list[str]]:
+    """The texts of `--over` that name layouts, and those with values of numbers."""
+    layouts = []
+    ranges = []
+    for text in texts:
+        if split_at("=", text)[0] == _LAYOUT:
+            layouts.append(text)
+        else:
+            ranges.append(text)
+    return layouts, ranges
+
+
 def _with_layouts(scene: jc.scene.Scene, names: str) -> dict[str, jc.scene.Scene]:
     """The scene with every layout of the cylinders, by its name."""
     refuse(scene.compressor is None, f"--over {_LAYOUT}: {scene.name} has no crankshaft")
@@ -138,7 +151,9 @@ def _values_of_each(dataset) -> dict[str, dict[str, Any]]:
 
     values = {}
     for name, part in machine_parts(dataset, _LAYOUT).items():
-        columns = {quantity: part[quantity].values for quantity in (*quantity_names(part), "ok")}
+        columns = {}
+        for quantity in (*quantity_names(part), "ok"):
+            columns[quantity] = part[quantity].values
         values[name] = columns | {"status": status_words(part)}
     return values
 
@@ -155,8 +170,9 @@ def layouts_tables(dataset, result: dict[str, Any]) -> Iterator[Any]:
         failed = int(part["ok"].size - part["ok"].sum())
         for quantity in quantity_names(part):
             look = shown_column(dataset, quantity)
-            ends = (_cell(look, float(end)) for end in (part[quantity].min(), part[quantity].max()))
-            rows.append((name, look.label, *ends, failed or ""))
+            lowest = _cell(look, float(part[quantity].min()))
+            highest = _cell(look, float(part[quantity].max()))
+            rows.append((name, look.label, lowest, highest, failed or ""))
     heads = ("Layout", "Quantity", "Lowest", "Highest", "Failed")
     yield row_table(f"{result['scene']}: {len(parts)} layouts", heads, rows, texts=2)
 
@@ -176,7 +192,9 @@ def start_devices(count: int | None) -> None:
 
 def default_quantities(scene: jc.scene.Scene) -> list[str]:
     """Quantities if none are named."""
-    return ["mechanical_efficiency"] if scene.compressor is not None else ["vibration"]
+    if scene.compressor is None:
+        return ["vibration"]
+    return ["mechanical_efficiency"]
 
 
 def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[str, Any]:
@@ -190,7 +208,8 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
         variable = jc.study.variable(design, name)
         axes[name] = axis_values(text, variable.unit, option, sampled)
         values = axes[name]
-        for end in values.ends if sampled else (min(values), max(values)):
+        ends = values.ends if sampled else (min(values), max(values))
+        for end in ends:
             if not bool(variable.bound.holds(float(end))):
                 raise CommandError(f"{option}: must be {variable.bound} {variable.unit}".rstrip())
     return axes
@@ -198,12 +217,12 @@ def axes_of(scene: jc.scene.Scene, texts: Sequence[str], sampled: bool) -> dict[
 
 def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: str | None = None):
     """Values of a grid [SI], or the distribution of samples; bare numbers have the default unit."""
-    kind, colon, range_text = (part.strip() for part in text.partition(":"))
+    kind, colon, range_text = split_at(":", text)
     if colon and kind in ("log", "normal"):
         text = range_text
     else:
         kind = ""
-    parts = [part.strip() for part in text.split(":")]
+    parts = list(map(str.strip, text.split(":")))
 
     def numbers(texts):
         values = []
@@ -228,7 +247,9 @@ def axis_values(text: str, unit: str, option: str, sampled: bool, default_unit: 
         refuse(len(set(values)) < len(values), f"{option}: must not repeat a value")
         return values
     forms = "from:to:count, log:from:to:count or a,b,c"
-    problem = f"{text} lacks a count, as in {text}:5;" if len(parts) == 2 else text
+    problem = text
+    if len(parts) == 2:
+        problem = f"{text} lacks a count, as in {text}:5;"
     counted = len(parts) == 3 and parts[2].isdigit()
     refuse(not counted, f"{option}: {problem} must have the form {forms}")
     grid = jc.study.sweep.log_grid if kind else jc.study.sweep.grid
@@ -246,8 +267,10 @@ def sweep_tables(dataset, result: dict[str, Any]):
     """Ranges and best designs of the quantities, and the curve or the best curve where there is one."""
     from ..study.sweep._best import shown_column
 
-    failed = f", {result['failed']:,} failed" if result["failed"] else ""
-    yield _summary(dataset, result, f"{result['scene']}: {result['designs']:,} designs{failed}")
+    title = f"{result['scene']}: {result['designs']:,} designs"
+    if result["failed"]:
+        title += f", {result['failed']:,} failed"
+    yield _summary(dataset, result, title)
     if result["failed_by_status"]:
         yield _failed_table(dataset, result)
     if result["failed"] == result["designs"]:
@@ -255,10 +278,13 @@ def sweep_tables(dataset, result: dict[str, Any]):
         return
     dims = dataset["ok"].dims
     if len(dims) == 1 and dims[0] != "sample" and dataset["ok"].size <= _ROWS:
-        names = [*result["variables"], *result["quantities"]]
-        looks = [shown_column(dataset, name) for name in names]
-        rows = zip(*(dataset[name].values.tolist() for name in names), strict=True)
-        yield _numbers("Designs", looks, (map(_cell, looks, row) for row in rows))
+        looks = []
+        columns = []
+        for name in (*result["variables"], *result["quantities"]):
+            look = shown_column(dataset, name)
+            looks.append(look)
+            columns.append([_cell(look, value) for value in dataset[name].values.tolist()])
+        yield _numbers("Designs", looks, zip(*columns, strict=True))
     for name, entry in result["quantities"].items():
         if entry["best_curve"] is not None and len(entry["best_curve"]["points"]) <= _ROWS:
             yield _curve_table(dataset, name, entry["best_curve"])
@@ -278,8 +304,10 @@ def _summary(dataset, result, title):
             if variable in best:
                 look = looks[variable]
                 places.append(f"{look.words.lower()} {look.text(best[variable])}")
-        cells = (_cell(looks[name], x) for x in (entry["lowest"], middle, entry["highest"]))
-        rows.append((looks[name].label, *cells, ", ".join(places)))
+        look = looks[name]
+        lowest = _cell(look, entry["lowest"])
+        highest = _cell(look, entry["highest"])
+        rows.append((look.label, lowest, _cell(look, middle), highest, ", ".join(places)))
     table = row_table(title, ("Quantity", "Lowest", "Median", "Highest", "Best at"), rows)
     table.columns[-1].justify = "left"
     return table
@@ -292,20 +320,22 @@ def _failed_table(dataset, result):
     from ..study.sweep._store import status_words
 
     failed = ~dataset["ok"].values.ravel()
-    looks = {name: shown_column(dataset, name) for name in result["variables"]}
-    axes = {name: dataset[name].broadcast_like(dataset["ok"]) for name in looks}
-    dims = dataset["ok"].dims
-    columns = [axes[name].transpose(*dims).values.ravel()[failed][:_FAILED] for name in looks]
+    looks = []
+    columns = []
+    for name in result["variables"]:
+        looks.append(shown_column(dataset, name))
+        axis = dataset[name].broadcast_like(dataset["ok"]).transpose(*dataset["ok"].dims)
+        columns.append(axis.values.ravel()[failed][:_FAILED])
     statuses = np.asarray(status_words(dataset)).ravel()[failed][:_FAILED]
     rows = []
     for *values, status in zip(*columns, statuses, strict=True):
-        rows.append((*map(_cell, looks.values(), values), str(status).replace("_", " ")))
+        rows.append((*map(_cell, looks, values), str(status).replace("_", " ")))
     notes = []
     for status, count in result["failed_by_status"].items():
         notes.append(f"{status.replace('_', ' ')} ({count:,}): {status_meaning(status)}")
     if result["failed"] > _FAILED:
         notes.append(f"{result['failed'] - _FAILED:,} more are in designs.csv of --out FOLDER")
-    heads = [*(look.label for look in looks.values()), "Status"]
+    heads = [*(look.label for look in looks), "Status"]
     table = row_table("Designs that failed", heads, rows, caption="\n".join(notes))
     table.columns[0].justify = "right"
     table.columns[-1].justify = "left"
@@ -315,9 +345,9 @@ def _failed_table(dataset, result):
 def _curve_table(dataset, name, curve):
     from ..study.sweep._best import shown_column
 
-    names = (curve["across"], curve["along"], name)
-    looks = [shown_column(dataset, name) for name in names]
-    abscissa, varied, value = looks
+    abscissa = shown_column(dataset, curve["across"])
+    varied = shown_column(dataset, curve["along"])
+    value = shown_column(dataset, name)
     tried = dataset[curve["along"]].values
     ends = (tried.min(), tried.max())
     rows = []

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from itertools import chain
+from itertools import chain, starmap
 from typing import TYPE_CHECKING, Any
 
 from rich import box
@@ -34,6 +34,13 @@ def number_text(value: float | None, form: str) -> str:
     return f"{value:{form}}"
 
 
+def quantity_text(look: Shown, value: float | None, digits: int = 5) -> str:
+    """A value of a quantity with its unit; "" where it is absent."""
+    if value is None:
+        return ""
+    return look.text(value, digits)
+
+
 def percent_text(part: float, total: float, form: str = ".2f") -> str:
     """A share in per cent; "" of a total of zero."""
     if not total:
@@ -41,9 +48,19 @@ def percent_text(part: float, total: float, form: str = ".2f") -> str:
     return f"{100 * part / total:{form}} %"
 
 
+def as_note(text: str) -> str:
+    """A remark of a line of its own."""
+    return f"[yellow]Note:[/yellow] {text}"
+
+
 def words(name: str) -> str:
     """A name of the code as words."""
     return name.replace("_", " ").capitalize()
+
+
+def number_heads(form: str, *names: str) -> list[tuple[str, str]]:
+    """Heads of columns of numbers in one format."""
+    return [(name, form) for name in names]
 
 
 def row_table(
@@ -70,15 +87,17 @@ def row_table(
         caption=caption,
         box=box.SIMPLE_HEAD,
     )
-    pairs = []
-    for head in heads:
-        pairs.append((head, "") if isinstance(head, str) else head)
-    for place, (head, _) in enumerate(pairs):
+    forms = []
+    for place, head in enumerate(heads):
+        form = ""
+        if not isinstance(head, str):
+            head, form = head
+        forms.append(form)
         justify = "left" if place < max(texts, 1) else "right"
         table.add_column(escape(head), justify=justify, no_wrap=place in unbroken)
     for row in rows:
         if row:
-            table.add_row(*(_cell(cell, form) for cell, (_, form) in zip(row, pairs, strict=True)))
+            table.add_row(*starmap(_cell, zip(row, forms, strict=True)))
         else:
             table.add_section()
     return table
@@ -115,8 +134,10 @@ def value_rows(
 def _cell(value: Any, form: str) -> str:
     if value is None or value is False:
         return ""
+    if isinstance(value, Markup):
+        return value
     if isinstance(value, str):
-        return value if isinstance(value, Markup) else escape(value)
+        return escape(value)
     return f"{value:{form}}"
 
 
@@ -134,11 +155,23 @@ def column_table(
         columns: cells by header.
         keep: whether columns without any entry are kept.
     """
-    cells = {head: list(column) for head, column in columns.items()}
-    cells = {head: column for head, column in cells.items() if keep or any(column)}
+    cells = {}
+    for head, column in columns.items():
+        entries = list(column)
+        if keep or any(entries):
+            cells[head] = entries
     return row_table(
         title, tuple(cells), zip(*cells.values(), strict=True), texts, unbroken=unbroken
     )
+
+
+def by_column(rows: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """The cells of each column, of rows that have them by header."""
+    columns = {}
+    for row in rows:
+        for head, cell in row.items():
+            columns.setdefault(head, []).append(cell)
+    return columns
 
 
 def comparison_table(comparison: "Comparison") -> Table:
@@ -149,7 +182,7 @@ def comparison_table(comparison: "Comparison") -> Table:
     for name, unit, values in comparison.rows:
         # a design without a quantity, as one without valves, has None there
         look = shown(name, unit, [value for value in values if value is not None])
-        before, *after = (None if value is None else look.text(value) for value in values)
+        before, *after = (quantity_text(look, value) for value in values)
         changes = [_change(look, values[0], value) for value in values[1:]]
         cells.append((look.words, before, *_alternating(after, changes)))
     return row_table(None, heads, cells)
@@ -193,8 +226,10 @@ def fitted(table: Table, width: int) -> Table | str:
         texts = [cell.plain for cell in column_cells]
         # a number is not broken, words are, and so is every header
         pieces = header.split()
-        for text in texts:
-            pieces += [text] if column.justify == "right" else text.split()
+        if column.justify == "right":
+            pieces += texts
+        else:
+            pieces += " ".join(texts).split()
         least.append(max(map(cell_len, pieces), default=1))
         wide.append(max(map(cell_len, [*texts, header]), default=1))
     room = width - 2 - 2 * len(wide) - (len(wide) - 1)
@@ -232,6 +267,13 @@ def _pointed(column: Column) -> list[Text]:
     return cells
 
 
+def _line_text(cell: Any) -> str:
+    """A cell in a line, with its markup."""
+    if isinstance(cell, Text):
+        return escape(cell.plain)
+    return str(cell)
+
+
 def _stacked(table: Table, headers: list[str]) -> str:
     lines = []
     short = len(headers[0]) <= _SHORT
@@ -240,7 +282,7 @@ def _stacked(table: Table, headers: list[str]) -> str:
     above = ""
     for row in zip(*(column.cells for column in table.columns), strict=True):
         if any(str(cell) for cell in row):
-            first, *values = (escape(c.plain) if isinstance(c, Text) else str(c) for c in row)
+            first, *values = map(_line_text, row)
             first = above = first or above  # an empty cell stands for the one above
             if short and headers[0]:
                 first = f"[bold]{headers[0]}[/bold] {first}".strip()

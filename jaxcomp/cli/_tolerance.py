@@ -18,7 +18,7 @@ from ._arguments import assignments, bounds_of, si
 from ._output import Output, Partial
 from ._start import CommandError, cluster, refuse, waiting
 from ._sweep import default_quantities, start_devices
-from ._tables import number_text, row_table
+from ._tables import as_note, number_text, row_table
 
 if TYPE_CHECKING:
     from ..study.tolerance._answer import Permitted
@@ -96,7 +96,9 @@ def tolerance(
         design = jc.study.balanced_design(design, options)
     variations, correlations = read_tolerances(design, vary, tolerances, correlate)
     limits = bounds_of(limit, "--limit", equalities=False)
-    names = list(quantity or (() if limits else default_quantities(scene)))
+    names = list(quantity or ())
+    if not names and not limits:
+        names = default_quantities(scene)
     from ..study._analysis import quantity_named
 
     for name in names:
@@ -105,8 +107,9 @@ def tolerance(
     partial = Partial(output.out, "machines")
 
     def keep(points, values, ok) -> None:
-        columns = [*variations, *quantities]
-        partial.keep(dict(zip(columns, (*points.T, *values.T), strict=True)) | {"solved": ok})
+        columns = dict(zip(variations, points.T, strict=True))
+        columns |= zip(quantities, values.T, strict=True)
+        partial.keep(columns | {"solved": ok})
 
     drawn = {"samples": samples, "sampling": sampling.replace("-", "_"), "seed": seed}
     drawn["curvature"] = None if curvature == "none" else curvature
@@ -149,7 +152,7 @@ def read_tolerances(
         texts, correlations = read_tolerance_file(file)
     for text in correlate or ():
         names, _, value = text.partition("=")
-        pair = tuple(name.strip() for name in names.split(","))
+        pair = tuple(map(str.strip, names.split(",")))
         try:
             if len(pair) != 2 or not all(pair):
                 raise ValueError
@@ -177,8 +180,9 @@ def tolerance_tables(
 ) -> Iterator[Any]:
     """Sentences, distributions, contributors, probabilities, and remarks on what disagrees."""
     yield from map(escape, study.sentences(*permitted))
-    failed = f", {result['failed']:,} not solved" if result["failed"] else ""
-    title = f"{result['scene']}: {result['samples']:,} machines{failed}"
+    title = f"{result['scene']}: {result['samples']:,} machines"
+    if result["failed"]:
+        title += f", {result['failed']:,} not solved"
     sampled = []
     by_derivatives = []
     for name in study.names:
@@ -209,8 +213,7 @@ def tolerance_tables(
         yield _contributors(study, name)
     if study.reliability:
         yield _probabilities(study)
-    for remark in study.remarks:
-        yield f"[yellow]Note:[/yellow] {remark}"
+    yield from map(as_note, study.remarks)
 
 
 def _contributors(study: jc.study.tolerance.Tolerances, name: str):
@@ -219,11 +222,13 @@ def _contributors(study: jc.study.tolerance.Tolerances, name: str):
     ranking = study.ranking(name)
     rows = []
     for variable, share in ranking[:_ROWS]:
-        swing = study.swings[:, study.variables.index(variable), place]
-        cells = (_value(look, x) for x in swing)
-        rows.append((study.label(variable), f"{100 * share:.1f} %", *cells))
+        low, high = study.swings[:, study.variables.index(variable), place]
+        share_text = f"{100 * share:.1f} %"
+        rows.append((study.label(variable), share_text, _value(look, low), _value(look, high)))
     # a name is broken where it would leave the numbers no space in 80 columns
-    narrow = max(len(row[0]) for row in rows) <= 45
+    unbroken = ()
+    if max(len(row[0]) for row in rows) <= 45:
+        unbroken = (0,)
     if len(ranking) > _ROWS:
         remaining_share = sum(share for _, share in ranking[_ROWS:])
         rows.append((f"{len(ranking) - _ROWS} more", f"{100 * remaining_share:.1f} %", "", ""))
@@ -234,7 +239,7 @@ def _contributors(study: jc.study.tolerance.Tolerances, name: str):
     if not words[:2].isupper():  # but for abbreviations, as COP
         words = words[:1].lower() + words[1:]
     heads = ("Variable", "Share of variance", *ends)
-    table = row_table(f"Contributors to {words}", heads, rows, unbroken=(0,) if narrow else ())
+    table = row_table(f"Contributors to {words}", heads, rows, unbroken=unbroken)
     table.columns[0].overflow = "fold"
     return table
 

@@ -92,16 +92,20 @@ def table_of(command: str) -> Table:
 
     A result that is written without any command counts as that of a run.
     """
-    command = command if command in COMMANDS else "run"
+    if command not in COMMANDS:
+        command = "run"
     table = beside_of(command)
     for name in _RESULTS.get(command, ()):
         key, _, name = name.rpartition(": ")
         units = attrgetter(name)(jc).units_of_nested()
-        table = merged(table, {key: units} if key else units)
+        if key:
+            units = {key: units}
+        table = merged(table, units)
     if command == "animate":
-        return {
-            quantity.family or quantity.name: quantity.unit for quantity in registered()
-        } | table
+        of_quantities = {}
+        for quantity in registered():
+            of_quantities[quantity.family or quantity.name] = quantity.unit
+        table = of_quantities | table
     return table
 
 

@@ -39,11 +39,11 @@ def refuse_files_of_user(folder: Path, names: Iterable[str], force: bool) -> Non
     if force:
         return
     written = _record(folder)
-    foreign = [
-        name
-        for name in names
-        if (folder / name).exists() and written.get(name) != _checksum_of(folder / name)
-    ]
+    foreign = []
+    for name in names:
+        file = folder / name
+        if file.exists() and written.get(name) != _checksum_of(file):
+            foreign.append(name)
     if foreign:
         file_names = ", ".join(foreign[:_FEW])
         if len(foreign) > _FEW:
@@ -81,11 +81,15 @@ def _record(folder: Path) -> dict[str, str]:
         record = json.loads((folder / RECORD).read_text("utf-8"))
     except (OSError, ValueError):
         return {}
-    return record if isinstance(record, dict) else {}
+    if not isinstance(record, dict):
+        return {}
+    return record
 
 
 def _checksum_of(file: Path) -> str:
-    return _checksum(file.read_bytes()) if file.is_file() else ""
+    if not file.is_file():
+        return ""
+    return _checksum(file.read_bytes())
 
 
 def _checksum(content: bytes) -> str:

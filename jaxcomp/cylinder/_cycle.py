@@ -335,11 +335,11 @@ class Cycle(Result, eqx.Module):
     @property
     def impact_speeds(self) -> dict[str, Float[Array, ""]]:
         """[m/s] Highest speed at which each valve meets its seat and its stop."""
-        return {
-            f"{valve}_{place}": self.events.impact_speed(number, place == "stop")
-            for number, valve in enumerate(VALVES)
-            for place in ("seat", "stop")
-        }
+        speeds = {}
+        for number, valve in enumerate(VALVES):
+            for place in ("seat", "stop"):
+                speeds[f"{valve}_{place}"] = self.events.impact_speed(number, place == "stop")
+        return speeds
 
     @property
     def resolution(self) -> Float[Array, ""]:
@@ -370,11 +370,11 @@ class Cycle(Result, eqx.Module):
         """
         mesh, z, _ = self.raw
         margins = turning_margins(self.case, mesh, z)
-        return {
-            f"{valve}_{place}": margins[number, side]
-            for number, valve in enumerate(VALVES)
-            for side, place in enumerate(("seat", "stop"))
-        }
+        by_name = {}
+        for number, valve in enumerate(VALVES):
+            for side, place in enumerate(("seat", "stop")):
+                by_name[f"{valve}_{place}"] = margins[number, side]
+        return by_name
 
     @property
     def grazes(self) -> dict[str, Bool[Array, ""]]:

@@ -262,7 +262,10 @@ def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
 
     def at(state):
         sides = chains(case, state[of_plenums:])
-        return jnp.stack([gas.p for chain in sides for gas in chain.gases])
+        pressures = []
+        for chain in sides:
+            pressures += [gas.p for gas in chain.gases]
+        return jnp.stack(pressures)
 
     states = points[:, :-1].reshape(-1, points.shape[-1])
     return jax.vmap(at)(states).T

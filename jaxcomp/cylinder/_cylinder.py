@@ -298,7 +298,10 @@ class Cylinder(AbstractGas):
         numbers = range(1, NAMED_RESONANCES + 1)
         if len(piped) == 1:
             return [str(number) for number in numbers]
-        return [f"{name}.{number}" for name in piped for number in numbers]
+        names = []
+        for line in piped:
+            names += [f"{line}.{number}" for number in numbers]
+        return names
 
     @property
     def run_directions(self) -> dict[str, Float[Array, "3"]]:
@@ -403,7 +406,9 @@ def _check_dry_coolers(cylinder: Cylinder) -> None:
 
 def _check_capacity_control(cylinder: Cylinder) -> None:
     """That settings of ends go with the unloaders and pockets that there are."""
-    ends = [end for stage in (cylinder, *cylinder.later_stages) for end in (stage, stage.crank_end)]
+    ends = []
+    for stage in (cylinder, *cylinder.later_stages):
+        ends += [stage, stage.crank_end]
     valves = [getattr(end, "discharge_valve", None) for end in ends]
     if any(getattr(valve, "unloader", None) is not None for valve in valves):
         raise BadInput(

@@ -148,13 +148,16 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
     cylinders = _controlled(cylinder, cylinders, pistons)
     _check_kinds(cylinders)
     kinds = grouping(cylinder, len(mechanisms))
-    of_ends = tuple(stage for stage in stages for _ in range(kinds.sides))
+    of_ends = []
+    if cylinder.later_stages:
+        for stage in stages:
+            of_ends += [stage] * kinds.sides
     return Ends(
         stacked(cylinders),
         stacked(pistons),
         phase_of_ends(cylinder, phase),
         kinds,
-        of_ends if cylinder.later_stages else (),
+        tuple(of_ends),
     )
 
 

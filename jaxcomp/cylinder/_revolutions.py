@@ -106,7 +106,8 @@ class _Revolution(AbstractLaw):
         return code, state.at[: self.state_size].set(jumped), new_flags
 
     def passed(self, ends, slopes, width, flags, least):
-        ends, slopes = ([values[: self.state_size] for values in pair] for pair in (ends, slopes))
+        ends = [values[: self.state_size] for values in ends]
+        slopes = [values[: self.state_size] for values in slopes]
         return self.system.passed(ends, slopes, width, flags, least)
 
     def longest(self, flags):

@@ -256,7 +256,7 @@ class Line(eqx.Module):
 
     @property
     def is_fixed(self) -> bool:
-        """Whether its responses are the same for all waves: known gas and attenuation."""
+        """Whether the responses are the same for all waves: known gas and attenuation."""
         has_friction = any(duct.attenuation is None for duct in self.piping.ducts)
         return not (has_friction or has_own_temperature(self.cylinder, self.side))
 

@@ -114,7 +114,10 @@ def _exponents_of(family: str, row: NDArray) -> _Exponents:
 
 def _orders(order: int) -> list[tuple[int, int]]:
     """Orders of the derivatives over ln(delta) and ln(tau), up to a total."""
-    return [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    orders = []
+    for i in range(order + 1):
+        orders += [(i, j) for j in range(order + 1 - i)]
+    return orders
 
 
 def _slopes(linear, bent: tuple, bell: tuple, x, order: int) -> tuple:

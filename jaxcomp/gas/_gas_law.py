@@ -106,7 +106,9 @@ class EachGas(AbstractEach, AbstractGas):
         ]
         events = []
         for inward in (True, False):
-            rows = [[volume for volume, direction in row if direction == inward] for row in each]
+            rows = []
+            for row in each:
+                rows.append([volume for volume, direction in row if direction == inward])
             events += [(column, inward) for column in _columns(rows)]
         return tuple(events)
 

@@ -251,7 +251,7 @@ def tableau(network: Network, gas: PipeGas, s, poles: FourPole, is_steady: bool 
             balanced * (first - second).T,
         ],
     ]
-    return jnp.block([[jnp.asarray(block) for block in row] for row in rows])
+    return jnp.block([list(map(jnp.asarray, row)) for row in rows])
 
 
 class Response(NamedTuple):

@@ -75,6 +75,14 @@ def _even_in_time(turn: FineTurn, frames: int) -> np.ndarray:
     return np.interp(time[-1] * np.arange(frames) / frames, time, angle)
 
 
+def _largest_force(sketches: list[Sketch]) -> float:
+    """[N] The largest of all arrows."""
+    sizes = []
+    for picture in sketches:
+        sizes += [float(np.hypot(*arrow.force)) for arrow in picture.arrows.values()]
+    return max(sizes)
+
+
 def _arrow(ax: Axes, paint: str, width: float) -> Annotation:
     look = {"arrowstyle": "-|>", "color": paint, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
     return ax.annotate("", (0, 0), (0, 0), zorder=6, arrowprops=look)
@@ -104,7 +112,7 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     turn = fine_turn(compressor, orbit)
     angles = _even_in_time(turn, frames)
     sketches = [sketch(compressor, turn, angle) for angle in angles]
-    largest = max(float(np.hypot(*a.force)) for s in sketches for a in s.arrows.values())
+    largest = _largest_force(sketches)
     mechanism: Any = compressor.mechanism
     reach = 2.2 * float(mechanism.crank_radius)  # [m] of the largest arrow
     look = shown("force", "N", largest)

@@ -60,7 +60,7 @@ class RotorModel(Part):
             raise BadInput("nodes", str(self.nodes), f"an ordering of {sorted(map(str, names))}")
         self._check_joined()
         self._check_lengths()
-        slaved = [node for body in self.bodies for node in body.nodes]
+        slaved = list(chain.from_iterable(body.nodes for body in self.bodies))
         centres = [body.centre for body in self.bodies]
         if len(set(slaved)) != len(slaved) or set(slaved) & set(centres):
             raise BadInput("bodies", str(slaved), "nodes that belong to one body each")

@@ -122,22 +122,20 @@ def load(name_or_path: str | os.PathLike) -> Scene:
     name = os.fspath(name_or_path)
     bundled_files = bundled("machines")
     path = Path(name)
+    file = f"{name}.toml"
     if name in bundled_files:
-        file = f"{name}.toml"
-        read = bundled_files[name].read_bytes
-    elif path.exists():
-        file, read = name, lambda: regular(path).read_bytes()
-    elif path.suffix == ".toml":
+        with reading(file):
+            return loads(bundled_files[name].read_bytes(), file)
+    if path.exists():
+        with reading(name):
+            return loads(regular(path).read_bytes(), name)
+    if path.suffix == ".toml":
         files = (str(other) for other in path.parent.glob("*.toml"))
         raise SceneError("", f"cannot be read: No such file{hint(name, files)}", file=name)
-    else:
-        file = f"{name}.toml"
-        near = did_you_mean(name, bundled_files)
-        if Path(file).exists():
-            near = f'; did you mean "{file}"?'
-        raise SceneError("", f'no machine and no file has the name "{name}"{near}')
-    with reading(file):
-        return loads(read(), file)
+    near = did_you_mean(name, bundled_files)
+    if Path(file).exists():
+        near = f'; did you mean "{file}"?'
+    raise SceneError("", f'no machine and no file has the name "{name}"{near}')
 
 
 def loads(text: str | bytes, file: str = "", *, beside: bool = True) -> Scene:

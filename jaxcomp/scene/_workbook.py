@@ -8,7 +8,7 @@ import csv
 import io
 import zipfile
 from datetime import date, datetime, time
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any
 
 from ._text import SceneError
@@ -74,7 +74,8 @@ def _selected_sheet(workbook: "Workbook", name: str) -> "Worksheet":
 
 
 def _has_cells(sheet: "Worksheet") -> bool:
-    return any(cell.value is not None for row in sheet.iter_rows() for cell in row)
+    cells = chain.from_iterable(sheet.iter_rows())
+    return any(cell.value is not None for cell in cells)
 
 
 def _rows(values: "Worksheet", formulas: "Worksheet") -> list[list[str]]:
