@@ -488,5 +488,5 @@ def _events_without_room(orbit: Orbit) -> Int[Array, ""]:
     again and again, and on few panels now it is resolved well enough and now it is not.
     """
     each = of_each(orbit.cycle)
-    seen = jnp.where(may_lack_room(orbit.status), max_of(each.event_count), -1)
-    return maximum(events_without_room(each), seen)
+    unsettled = jnp.where(may_lack_room(orbit.status), max_of(each.event_count), -1)
+    return maximum(events_without_room(each), unsettled)
