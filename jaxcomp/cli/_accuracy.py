@@ -202,15 +202,9 @@ def _programs(report: jc.study.accuracy.Report):
         label = ", ".join(methods)
         if len(methods) >= 4:  # all quantities come from one program
             label = f"all {len(methods)}"
-        rows.append(
-            {
-                "Method": label,
-                "Compiling": _duration(seconds),
-                "Lines": _count(lines or None),
-                "Operations": _count(flops or None),
-            }
-        )
-    return column_table("Largest program of each method", by_column(rows), keep=True)
+        rows.append((label, _duration(seconds), _count(lines or None), _count(flops or None)))
+    heads = ("Method", "Compiling", "Lines", "Operations")
+    return row_table("Largest program of each method", heads, rows)
 
 
 def _calls(report: jc.study.accuracy.Report):

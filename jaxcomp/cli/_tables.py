@@ -145,20 +145,18 @@ def column_table(
     title: str | None,
     columns: Mapping[str, Iterable[Any]],
     texts: int = 1,
-    keep: bool = False,
     unbroken: Sequence[int] = (),
 ) -> Table:
     """A table from its columns, the cells by header; columns without any entry are left out.
 
     Args:
-        title, texts, whole: as in `row_table`.
+        title, texts, unbroken: as in `row_table`.
         columns: cells by header.
-        keep: whether columns without any entry are kept.
     """
     cells = {}
     for head, column in columns.items():
         entries = list(column)
-        if keep or any(entries):
+        if any(entries):
             cells[head] = entries
     return row_table(
         title, tuple(cells), zip(*cells.values(), strict=True), texts, unbroken=unbroken

@@ -24,7 +24,6 @@ from .._core.fields import ANY, quantity, replaced
 from .._core.roots import zeros_of
 from ..compressor import Compressor, instants, mechanisms_of
 from ..cylinder import Cylinder
-from ..cylinder._cycle_evaluation import account_scales
 from ..cylinder._cylinder import Case, prepare
 from ..cylinder._cylinder_system import Cylinders
 from ..cylinder._ends import ends_of, grouping, has_ends
@@ -33,6 +32,7 @@ from ..cylinder._gas_balance import (
     STATES,
     Accounts,
     Rates,
+    account_scales,
     temperature_and_density,
     valve_scales,
 )

@@ -18,7 +18,16 @@ from ._cycle_collocation import Attached
 from ._cylinder import Case
 from ._cylinder_system import Cylinders
 from ._event_panels import Mesh, Unknowns, at_points, highest, point_angles
-from ._gas_balance import EVENTS, FLAGS, FREE, SEAT, Accounts, temperature_and_density, valve_scales
+from ._gas_balance import (
+    EVENTS,
+    FLAGS,
+    FREE,
+    SEAT,
+    Accounts,
+    account_scales,
+    temperature_and_density,
+    valve_scales,
+)
 from ._plenum import PER_PLENUM, chains
 from ._pulsation import Pulsation
 from ._revolutions import START, TURN
@@ -235,14 +244,6 @@ def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p
         missing = line.p - flanges[:, :-1, which]
         works.append(jnp.sum(weight * is_open[:, None] * missing * volume_1))
     return jnp.stack(works)
-
-
-def account_scales(case: Case) -> Float[Array, " 12"]:
-    """[kg] or [J] of every account."""
-    mass = case.mass_scale
-    energy = case.energy_scale
-    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
-    return jnp.stack([mass if name in masses else energy for name in Accounts._fields])
 
 
 def _rise(case: Case, pressure):

@@ -23,6 +23,7 @@ from ._gas_balance import (
     STREAMS,
     Accounts,
     Rates,
+    account_scales,
     choking_margins,
     gas_in,
     in_angle_and_state,
@@ -636,19 +637,9 @@ class Cylinders(eqx.Module):
             totals: of the accounts over it.
         """
         states, plenums = self.parted(state)
-        mass_scale = jnp.ravel(self.cases.mass_scale)
-        energy_scale = jnp.ravel(self.cases.energy_scale)
-        accounts = Accounts(*totals.T)
-        through_suction = PassedGas(
-            mass=jnp.sum(accounts.suction * mass_scale),
-            back=jnp.sum(jnp.abs(accounts.suction_back) * mass_scale),
-            enthalpy=jnp.sum(accounts.suction_heat * energy_scale),
-        )
-        through_discharge = PassedGas(
-            mass=jnp.sum(accounts.discharge * mass_scale),
-            back=jnp.sum(jnp.abs(accounts.discharge_back) * mass_scale),
-            enthalpy=jnp.sum(accounts.discharge_heat * energy_scale),
-        )
+        sums = Accounts(*jnp.sum(totals * self.each(account_scales), axis=0))
+        through_suction = PassedGas(sums.suction, sums.suction_back, sums.suction_heat)
+        through_discharge = PassedGas(sums.discharge, sums.discharge_back, sums.discharge_heat)
         passed = (through_suction, through_discharge)
         return self._joined(states, settled_states(self.shared, plenums, passed))
 

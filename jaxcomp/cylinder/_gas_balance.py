@@ -100,6 +100,14 @@ class _Valves(NamedTuple):
     is_open: Float[Array, " 2"]
 
 
+def account_scales(case: Case) -> Float[Array, " 12"]:
+    """[kg] or [J] of every account."""
+    mass = case.mass_scale
+    energy = case.energy_scale
+    masses = ("suction", "discharge", "leakage", "suction_back", "discharge_back")
+    return jnp.stack([mass if name in masses else energy for name in Accounts._fields])
+
+
 def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
     """The gas in the cylinder."""
     return case.cylinder.fluid.state(*temperature_and_density(case, angle, state))

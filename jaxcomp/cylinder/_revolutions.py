@@ -50,7 +50,7 @@ def march(
     max_revolutions,
     watched: tuple = (),
     *,
-    settles,
+    settles: Bool[Array, ""] | bool = False,
 ) -> March:
     """Revolutions until the end is the beginning within `repeat`; none if they are not `is_marched`.
 

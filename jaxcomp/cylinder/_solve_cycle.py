@@ -19,12 +19,12 @@ from .._core.status import SolveFailed, Status, ended_in
 from ..mechanism import AbstractMechanism
 from ._climb import climbed, evidence, raise_where_unsolved
 from ._cycle import Cycle, values_only
-from ._cycle_evaluation import CycleSolution, account_scales, cycle_of, cycles_of
+from ._cycle_evaluation import CycleSolution, cycle_of, cycles_of
 from ._cycle_options import CycleOptions
 from ._cylinder import Cylinder, Pace, ports_fit, prepare
 from ._cylinder_system import Cylinders
 from ._ends import Ends, ends_of, grouping, has_ends, one_end, options_of
-from ._gas_balance import STATES
+from ._gas_balance import STATES, account_scales
 from ._piped import PipedLines
 from ._plenum import PER_PLENUM
 from ._revolutions import START, March, march
@@ -377,7 +377,6 @@ def _march_only(
         flags,
         jnp.asarray(True),
         options.revolutions_at_most,
-        settles=jnp.asarray(False),
     )
     mesh, z, events = laid(system, end, options)
     return CycleSolution(
