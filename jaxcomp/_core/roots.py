@@ -275,6 +275,7 @@ def mix(
     max_iterations: int,
     sampled: Callable[[Y], Float[Array, " n"]] = _raveled,
     combined: Callable[[Float[Array, " depth"], Y, Y], Y] = _weighted,
+    noise: float = 0.0,
 ) -> tuple[Y, Any, FixedPointReport]:
     """Iterate to a fixed point by Anderson's mixing, without derivatives.
 
@@ -293,6 +294,7 @@ def mix(
         sampled: n numbers of the unknowns, in which changes are measured.
         combined: unknowns of which these are the weighted sum, of the weights, what the last steps gave
             (with a leading axis), and the newest of it.
+        noise: change below which a step that is not smooth may stop falling.
 
     Returns:
         What the last step gave, the data of it, and how it ended.
@@ -316,7 +318,7 @@ def mix(
         outputs = jax.tree.map(
             lambda old, leaf: jnp.roll(old, 1, axis=0).at[0].set(leaf), outputs, new
         )
-        settled, lowest, waited = _ended(size, lowest, waited, tolerance)
+        settled, lowest, waited = _ended(size, lowest, waited, tolerance, noise)
         weights = _weights(changes, previous.steps + 1)
         mixed = combined(weights, outputs, new)
         # the last step is taken as it is: the data belong to it

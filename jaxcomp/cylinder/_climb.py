@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from .._core.extremes import max_of
-from .._core.status import raise_at_run_time
+from .._core.status import Status, raise_at_run_time
 from ._cycle import Cycle
 from ._cycle_options import CycleOptions, may_lack_room
 from ._gas_evidence import gas_evidence
@@ -26,13 +26,17 @@ Answer = TypeVar("Answer")
 _FITS = -1
 
 
-def events_without_room(cycle: Cycle) -> Int[Array, ""]:
+def events_without_room(cycle: Cycle, status: Status) -> Int[Array, ""]:
     """Events seen in a cycle that may be found in a larger size; -1 where it needs none.
+
+    A cycle that was found may need one all the same: with a light crank, or with suction gas that losses
+    warm, it is solved again and again, and few panels resolve it well enough once and not the next time.
 
     Args:
         cycle: of one cylinder, or with an axis of several, of which the one with most events counts.
+        status: of the machine that it belongs to.
     """
-    lacks = may_lack_room(cycle.status)
+    lacks = may_lack_room(cycle.status) | may_lack_room(status)
     return max_of(jnp.where(lacks, cycle.event_count, _FITS))
 
 
@@ -95,24 +99,28 @@ def climbed(
         by_march: whether the march stands behind the largest size.
     """
     answer = solve(options)
-    cycle = _cycle_of(answer)
-    if not np.any(may_lack_room(cycle.status)):
+    events = _events_of(answer)
+    if events == _FITS:
         return answer, options  # as most do, for whom no ladder is put up
     reached = options
     alone = np.zeros(1, int)
     climb = Climb(options.ladder(by_march))
-    climb.note(alone, events_without_room(cycle))
+    climb.note(alone, events)
     for size, _ in climb:
         assert size is not None
         larger = solve(size)
-        cycle = _cycle_of(larger)
         is_march_behind = size.method != options.method
-        if is_march_behind and not is_solved(cycle):
+        if is_march_behind and not is_solved(_cycle_of(larger)):
             break  # what collocation found out in the largest size says more
         answer = larger
         reached = size
-        climb.note(alone, events_without_room(cycle))
+        climb.note(alone, _events_of(answer))
     return answer, reached
+
+
+def _events_of(answer) -> int:
+    """Events for which a solution that is a cycle or has one had no room; `_FITS` where it had."""
+    return int(events_without_room(_cycle_of(answer), answer.status))
 
 
 def _cycle_of(answer) -> Cycle:

@@ -158,7 +158,7 @@ class DesignResult:
         """Events seen in a cycle that may be found in a larger size; -1 where none is needed."""
         if "orbit" not in self.__dict__ or self.orbit.cycle is None:
             return jnp.asarray(-1)
-        return events_without_room(of_each(self.orbit.cycle))
+        return events_without_room(of_each(self.orbit.cycle), self.orbit.status)
 
     @cached_property
     def journals(self) -> dict[str, JournalFilm]:

@@ -15,12 +15,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput, kind_text
 from .._core.exported import kept_jit
-from .._core.extremes import max_of, maximum, min_of
+from .._core.extremes import max_of, min_of
 from .._core.fields import rebuilt, replaced
 from .._core.nested import fields_of
 from .._core.results import Data, Result
@@ -30,7 +30,6 @@ from ..crank import Collocation, Orbit, orbit_at_constant_speed, performance, so
 from ..crank._collocation import default_collocation
 from ..cylinder import CycleOptions, Cylinder
 from ..cylinder._climb import Climb, events_without_room
-from ..cylinder._cycle_options import may_lack_room
 from ..cylinder._ends import options_of
 from ..cylinder._several import of_each
 from ..cylinder._waves import is_piped
@@ -478,15 +477,4 @@ def _at_point(compressor: Compressor, plain: Collocation, solver=None):
     values |= {name: getattr(cycle, name) for name in cycle_names}
     finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
     ok = cycle.converged & orbit.converged & finite
-    return values, ok, _events_without_room(orbit)
-
-
-def _events_without_room(orbit: Orbit) -> Int[Array, ""]:
-    """Events for which a point had no room; -1 where it had.
-
-    A cycle that was found may have none all the same: where losses warm its suction gas it is solved
-    again and again, and on few panels now it is resolved well enough and now it is not.
-    """
-    each = of_each(orbit.cycle)
-    unsettled = jnp.where(may_lack_room(orbit.status), max_of(each.event_count), -1)
-    return maximum(events_without_room(each), unsettled)
+    return values, ok, events_without_room(of_each(orbit.cycle), orbit.status)

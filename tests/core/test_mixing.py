@@ -43,6 +43,22 @@ def test_data_are_those_of_the_step_whose_value_is_given_back():
     np.testing.assert_allclose(value["x"], 0.7390851332151607, rtol=1e-13)
 
 
+def test_a_step_with_noise_ends_where_changes_are_noise():
+    """As where a bounce of a valve comes and goes from one step to the next."""
+
+    def step(value, count):
+        noise = 1e-4 * jnp.sin(7.0 * count) * jnp.arange(1.0, 4.0)
+        return 0.1 * value + 1 + noise, count + 1
+
+    first = jnp.zeros(3), jnp.zeros(())
+    assert not bool(mix(step, *first, 1e-8, 40)[2].settled)
+    value, _, report = mix(step, *first, 1e-8, 40, noise=1e-2)
+    assert bool(report.settled)
+    assert int(report.steps) < 25
+    # three times the noise of the last value, and what is left of it in those before
+    np.testing.assert_allclose(value, 1 / 0.9, atol=1e-3)
+
+
 @pytest.mark.parametrize("factor", [jnp.nan, 1e9])
 def test_a_step_that_is_lost_is_not_taken(factor):
     value, _, report = mix(lambda x, _: (factor * (x + 1), None), jnp.ones(3), None, 1e-10, 20)

@@ -1,5 +1,6 @@
 """Pressure and speed of a compressor with a cylinder of its own, solved together."""
 
+import dataclasses
 import json
 import re
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from jaxcomp.cli import app
 from jaxcomp.cli._run_tables import undelivered_tables
 from jaxcomp.compressor import cylinder_pressure
 from jaxcomp.crank import Collocation, performance
+from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.cylinder._several import SeveralCycles
 from jaxcomp.motor import MotorEfficiency
@@ -68,6 +70,29 @@ def test_pressure_and_speed_agree_with_each_other():
     rise = cycle.capacity / cycle.mass_flow
     np.testing.assert_allclose(rise, 185580.5234, rtol=1e-9)
     assert not any(map(bool, cycle.grazes.values()))
+
+
+@pytest.mark.slow  # three sizes of a machine, half a minute of compilation each
+@pytest.mark.parametrize(
+    ("name", "events", "lowest"),
+    [("semi-hermetic-200cc", 288, 0.212), ("copeland-crk3-0325", 283, 0.023)],
+)
+def test_a_crank_that_nearly_halts_is_solved_as_its_march_is(name, events, lowest):
+    """A light plate at low speed moves a thousand times faster than lift and angle, its scales."""
+    machine = with_value(load(name), "motor.mean_speed", "450 rpm").as_compressor()
+    orbit = solve_orbit(machine)
+    assert orbit.cycle.solver == "collocation"
+    # of several hundred bounces one more or less, as the other method counts them
+    assert int(np.sum(orbit.cycle.valve_events)) == pytest.approx(events, abs=6)
+    assert float(orbit.lowest_speed / orbit.mean_speed) == pytest.approx(lowest, abs=1e-3)
+    solver = default_collocation(machine)
+    by_march = dataclasses.replace(solver, cycle=solver.cycle.ladder()[-1])
+    assert by_march.cycle.method == "march"
+    marched = solve_orbit(machine, by_march)
+    # seen: 1e-8 of the flow, 1e-6 of the work, which bounces move
+    for figure in ("mass_flow", "indicated_work"):
+        expected = getattr(marched.cycle, figure)
+        np.testing.assert_allclose(getattr(orbit.cycle, figure), expected, rtol=1e-5)
 
 
 @pytest.mark.slow  # a minute of compilation

@@ -1,5 +1,7 @@
 """Sizes of the cycle's program: which one a machine takes, and what happens where none fits."""
 
+from types import SimpleNamespace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +12,7 @@ from cylinder.test_cylinder import SPEED, golden, mechanism
 from jaxcomp import SolveFailed, Status
 from jaxcomp._core.fields import rebuilt
 from jaxcomp.cylinder import CrankEnd, CycleOptions, LaminarGap, solve_cycle
-from jaxcomp.cylinder._climb import Climb
+from jaxcomp.cylinder._climb import Climb, events_without_room
 from jaxcomp.cylinder._cycle_options import may_lack_room
 from jaxcomp.cylinder._cylinder import prepare
 from jaxcomp.cylinder._cylinder_system import Cylinders
@@ -107,6 +109,20 @@ def stiff(scale=1.0):
 
 def work(scale, **more):
     return solve_cycle(stiff(scale), mechanism(), 0.5 * SPEED, **more).indicated_work
+
+
+@pytest.mark.parametrize(
+    ("of_machine", "of_cycle", "events"),
+    [
+        (Status.converged, Status.converged, -1),
+        (Status.stalled, Status.converged, -1),
+        (Status.not_converged, Status.not_converged, 11),
+        (Status.not_converged, Status.converged, 11),
+    ],
+)
+def test_a_machine_that_does_not_settle_has_no_room(of_machine, of_cycle, events):
+    cycle = SimpleNamespace(status=of_cycle, event_count=jnp.asarray(11))
+    assert events_without_room(cycle, of_machine) == events
 
 
 @pytest.mark.slow  # two sizes with derivatives, and the first one within `jit`
