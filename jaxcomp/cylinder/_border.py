@@ -384,17 +384,52 @@ def _around(
     return lax.scan(follow, first, (maps, panel_ends))[1]
 
 
+def solve_border(border: tuple[Array, Array], right: Float[Array, " b"]) -> Float[Array, " b"]:
+    """Waves of the condensed equations, by the factors of their matrix."""
+    lu, order = border
+    half = lax.linalg.triangular_solve(
+        lu, right[order][:, None], left_side=True, lower=True, unit_diagonal=True
+    )
+    return lax.linalg.triangular_solve(lu, half, left_side=True, lower=False)[:, 0]
+
+
+def blank_border(waves: Waves) -> tuple[Array, Array]:
+    """Factors of the condensed equations before any were linearised: those of waves alone."""
+    size = _packed(waves)[0].size
+    return jnp.eye(size), jnp.arange(size, dtype=jnp.int32)
+
+
+def chord_step(
+    system: Cylinders, mesh: Mesh, z: Unknowns, waves: Waves, responses, border
+) -> Waves:
+    """Change of the waves by their equations as they were linearised elsewhere.
+
+    Args:
+        system: the cylinders.
+        mesh, z: panels of a march behind the waves, which solves their equations well enough.
+        waves: behind which was marched.
+        responses: of networks that do not change with their waves.
+        border: factors of the condensed equations.
+    """
+    system = system.with_waves(waves)
+
+    def law(angle, state, flags):
+        return system.observe(angle, state, flags)[1]
+
+    observed = at_points(law, mesh, z)[:, :-1]
+    flows = observed_harmonics(system, observed, harmonic_weights(system, z))
+    answer = answers(lines_of(system.shared), waves, flows, responses)
+    vector, unpacked = _packed(jax.tree.map(jnp.subtract, waves, answer))
+    return unpacked(-solve_border(border, vector))
+
+
 def solve_bordered(linear: Bordered, right_hand_side: Both) -> Both:
     """Solve the linearised equations; linear in `right_hand_side`."""
     vector, unpacked = _packed(right_hand_side.waves)
     alone = solve_factors(linear.factors, right_hand_side.panels)
     flows = _harmonics_of_panels(linear.flows, alone)
     right = vector - jnp.einsum("boh,oh->b", linear.by_flow, flows)
-    lu, order = linear.border
-    half = lax.linalg.triangular_solve(
-        lu, right[order][:, None], left_side=True, lower=True, unit_diagonal=True
-    )
-    waves = lax.linalg.triangular_solve(lu, half, left_side=True, lower=False)[:, 0]
+    waves = solve_border(linear.border, right)
     columns = linear.columns
     basis = columns.basis
     n = linear.factors.jump.shape[-1]
@@ -422,6 +457,8 @@ class BorderEquations(AbstractEquations):
     # A first step by more than a stop of a valve does not come back, or to other branches: its waves are
     # followed as far as is safe, and the next march meets them.
     lost: ClassVar[float] = 1.0
+    # Another Jacobian costs as much as five steps.
+    fast: ClassVar[float] = 0.3
 
     system: Cylinders
     mesh: Mesh
@@ -442,17 +479,29 @@ class BorderEquations(AbstractEquations):
     def waves(self, unknowns):
         return unknowns.waves
 
+    def border(self, linear):
+        return linear.border
+
+    def blank_border(self, unknowns):
+        return blank_border(unknowns.waves)
+
     def keeps_within(self, unknowns):
         return keeps_within(self.system, self.mesh, unknowns.panels, _OF_LAST_TERMS)
 
 
-def limited(before: Waves, change: Waves) -> Waves:
-    """Waves after a change, of which is followed what stays within a tenth of the line's pressure."""
+def amplitude_of(waves: Waves) -> Float[Array, ""]:
+    """[-] Largest pressure of waves at any flange, by its root mean square, over that of the line."""
     largest = jnp.zeros(())
-    for side in change:
+    for side in waves:
         if side is not None:
             amplitude = jnp.sqrt(jnp.sum(side.pressure**2, axis=1))
             largest = maximum(largest, max_of(amplitude))
+    return largest
+
+
+def limited(before: Waves, change: Waves) -> Waves:
+    """Waves after a change, of which is followed what stays within a tenth of the line's pressure."""
+    largest = amplitude_of(change)
     finite = jnp.isfinite(largest)
     share = minimum(1.0, _LARGEST_STEP / jnp.where(finite & (largest > 0), largest, 1.0))
     share = jnp.where(finite, share, 0.0)

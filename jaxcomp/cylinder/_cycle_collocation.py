@@ -9,6 +9,7 @@ revolution. Derivatives of any order follow from the implicit function theorem w
 """
 
 from abc import abstractmethod
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -263,6 +264,7 @@ class NewtonReport(NamedTuple):
     # [rad] where one is left most, infinite where they hold at all nodes
     left_at: Float[Array, ""]
     first: Any  # change of the waves in the first step
+    border: Any  # factors of the first linearised equations of the waves
 
 
 class AbstractEquations(eqx.Module):
@@ -272,6 +274,8 @@ class AbstractEquations(eqx.Module):
     mesh: eqx.AbstractVar[Mesh]
     # [-] A step beyond this has lost the solution.
     lost: ClassVar[float] = LOST
+    # [-] A step below this part of the one before is taken with the same Jacobian.
+    fast: ClassVar[float] = FAST
 
     @abstractmethod
     def linearise(self, unknowns) -> tuple[Any, Any]:
@@ -292,6 +296,14 @@ class AbstractEquations(eqx.Module):
     @abstractmethod
     def waves(self, unknowns) -> Any:
         """Waves among the unknowns, or among their changes; `None` without any."""
+
+    def border(self, linear) -> Any:
+        """Factors of the linearised equations of the waves; `None` without any."""
+        del linear
+
+    def blank_border(self, unknowns) -> Any:
+        """An array for each of these factors."""
+        del unknowns
 
     def keeps_within(self, unknowns) -> Bool[Array, ""]:
         """Whether free valves keep between seat and stop between the nodes as well."""
@@ -361,13 +373,15 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
         return falling(size, previous_size, steps) & equations.mesh.fits
 
     def advance(carry):
-        unknowns, _, _, steps, chord_steps, _, first = carry
+        unknowns, _, _, steps, chord_steps, _, first, border = carry
         remainder, linear = equations.linearise(unknowns)
 
         def fast(carry):
             _, _, size, previous_size, count, *_ = carry
             shrinks_fast = (
-                (size > tolerance) & (size < FAST * previous_size) & (count <= MOST_WITH_ONE)
+                (size > tolerance)
+                & (size < equations.fast * previous_size)
+                & (count <= MOST_WITH_ONE)
             )
             return shrinks_fast | (count == 0)
 
@@ -387,18 +401,28 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
         endless = jnp.asarray(jnp.inf)
         begin = (unknowns, remainder, endless, endless, none, unknown, first)
         unknowns, _, size, before, count, branches, moved = lax.while_loop(fast, step, begin)
-        first = jax.tree.map(lambda new, old: jnp.where(steps == 0, new, old), moved, first)
-        return unknowns, size, before, steps + 1, chord_steps + count - 1, branches, first
+        at_first = moved, equations.border(linear)
+        at_first = jax.tree.map(partial(jnp.where, steps == 0), at_first, (first, border))
+        return unknowns, size, before, steps + 1, chord_steps + count - 1, branches, *at_first
 
     none = jnp.zeros((), int)
     unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
     unmoved = jax.tree.map(jnp.zeros_like, equations.waves(start))
-    begin = (start, jnp.asarray(0.1 * lost), jnp.asarray(lost), none, none, unknown, unmoved)
-    unknowns, size, _, steps, chord_steps, branches, first = lax.while_loop(
+    at_first = unmoved, equations.blank_border(start)
+    begin = (start, jnp.asarray(0.1 * lost), jnp.asarray(lost), none, none, unknown, *at_first)
+    unknowns, size, _, steps, chord_steps, branches, first, border = lax.while_loop(
         going_on, advance, begin
     )
-    holds = branches.hold & equations.keeps_within(unknowns)
-    return unknowns, NewtonReport(size, steps, chord_steps, holds, branches.left_at, first)
+    report = NewtonReport(
+        size=size,
+        steps=steps,
+        chord_steps=chord_steps,
+        holds=branches.hold & equations.keeps_within(unknowns),
+        left_at=branches.left_at,
+        first=first,
+        border=border,
+    )
+    return unknowns, report
 
 
 class Branches(NamedTuple):

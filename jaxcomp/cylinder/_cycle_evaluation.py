@@ -54,8 +54,7 @@ class CycleSolution(NamedTuple):
 
 
 def cycle_of(system: Cylinders, solution, marching: bool) -> Cycle:
-    solution, points = _followed(system, solution, marching)
-    pulsation = _pulsation(system, solution)
+    solution, points, pulsation = _followed(system, solution, marching)
     solution = solution._replace(totals=solution.totals[0])
     points = jax.tree.map(lambda values: values[:, :, 0], points)
     cycle = _judged(system.shared, solution, points, marching)
@@ -64,7 +63,7 @@ def cycle_of(system: Cylinders, solution, marching: bool) -> Cycle:
 
 def cycles_of(system: Cylinders, solution, marching: bool) -> SeveralCycles:
     """The cycle of every cylinder, by its own crank angle."""
-    together, points = _followed(system, solution, marching)
+    together, points, pulsation = _followed(system, solution, marching)
 
     def cycle_of_cylinder(
         case, phase, number, totals, points, starts, accounts, pressure, *flanges
@@ -88,21 +87,14 @@ def cycles_of(system: Cylinders, solution, marching: bool) -> SeveralCycles:
     over = (jnp.moveaxis(values, 2, 0) for values in points)
     numbered = jnp.arange(system.count), together.totals
     each = jax.vmap(cycle_of_cylinder)(system.cases, system.phase, *numbered, *parts, *over)
-    return SeveralCycles(each, together, pulsation=_pulsation(system, together))
+    return SeveralCycles(each, together, pulsation=pulsation)
 
 
-def _pulsation(system: Cylinders, solution: CycleSolution) -> Pulsation | None:
-    """Pulsation of a solution behind pipes, with all derivatives."""
-    if solution.waves is None:
-        return None
-    system = system.with_waves(solution.waves)
-
-    def law(angle, state, flags):
-        return system.observe(angle, state, flags)[1]
-
-    observed = at_points(law, solution.mesh, solution.z)[:, :-1]
-    flows = observed_harmonics(system, observed, harmonic_weights(system, solution.z))
-    return Pulsation(solution.waves, flows, system.shared, system.phase[0])
+def _pulsation(system: Cylinders, z: Unknowns, observed) -> Pulsation:
+    """Pulsation of cylinders with waves, by the flows at all points."""
+    assert system.waves is not None
+    flows = observed_harmonics(system, observed[:, :-1], harmonic_weights(system, z))
+    return Pulsation(system.waves, flows, system.shared, system.phase[0])
 
 
 def _with_pulsation(cycle: Cycle, pulsation: Pulsation) -> Cycle:
@@ -127,7 +119,7 @@ def _from_start(cycle: Cycle) -> Cycle:
 
 
 def _followed(system: Cylinders, solution: CycleSolution, marching: bool):
-    """A solution with its dependence on the system; accounts and pressures at all points."""
+    """A solution with its dependence on the system; accounts and pressures at all points, pulsation."""
     waves = solution.waves
     if waves is not None:
         cycle_and_waves = Both(solution.z, waves)
@@ -139,14 +131,20 @@ def _followed(system: Cylinders, solution: CycleSolution, marching: bool):
         z = solution.z if marching else root(Attached(system, solution.mesh, solution.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(solution.solved, new, old), z, solution.marched)
+    solution = solution._replace(z=z)
 
     def law(angle, state, flags):
-        at = system.rates(angle, state, flags)
         if system.waves is None:
+            at = system.rates(angle, state, flags)
             return at.accounts, at.pressure
-        return at.accounts, at.pressure, system.line_pressures(angle)
+        at, observed = system.observe(angle, state, flags)
+        return at.accounts, at.pressure, system.line_pressures(angle), observed
 
-    return solution._replace(z=z), at_points(law, solution.mesh, z)
+    points = at_points(law, solution.mesh, z)
+    if system.waves is None:
+        return solution, points, None
+    *points, observed = points
+    return solution, tuple(points), _pulsation(system, z, observed)
 
 
 def _judged(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle:

@@ -40,7 +40,7 @@ from ._plenum import (
     line_streams,
     settled_states,
 )
-from ._quadrature import harmonics, machine_time
+from ._quadrature import harmonics, machine_time, series_at
 from ._rings import with_ring_flow
 from ._waves import (
     Observed,
@@ -338,8 +338,7 @@ class Cylinders(eqx.Module):
         tau, _ = self._time(angle)
         if self.samples is not None:
             return self._of_cylinders([samples.at(tau) for samples in self.samples])
-        basis = harmonics(tau, self.orders)
-        return self._of_cylinders([side.pressure @ basis for side in self._piped_waves])
+        return self._of_cylinders([series_at(side.pressure, tau) for side in self._piped_waves])
 
     def _time(self, angle: Float[Array, ""]):
         """tau [rad] of the machine, and its rate over the angle."""
@@ -451,10 +450,10 @@ class Cylinders(eqx.Module):
         q = plenums.size
         shared = self.shared
         tau, pace = self._time(angle)
-        basis = harmonics(tau, self.orders)
         waves = [side.pressure for side in self._piped_waves]
-        pressures = self._of_cylinders([series @ basis for series in waves])
-        pressures_1 = pace * self._of_cylinders([slope_of(series) @ basis for series in waves])
+        pressures = self._of_cylinders([series_at(series, tau) for series in waves])
+        slopes_in_time = [series_at(slope_of(series), tau) for series in waves]
+        pressures_1 = pace * self._of_cylinders(slopes_in_time)
 
         def cylinder_slopes(case, angle, state, flags, pressures):
             def law(packed, gas):
@@ -520,7 +519,7 @@ class Cylinders(eqx.Module):
             observed_by_state=observed[:, 2 : 2 + n],
             observed_by_angle=observed[:, 1],
             observed_by_pressure=observed[:, 2 + n :],
-            basis=self._columns_of(basis),
+            basis=self._columns_of(harmonics(tau, self.orders)),
         )
 
     def _with_ring_flows(self, angle, states, of_states: list) -> list:

@@ -2,13 +2,13 @@
 
 from abc import abstractmethod
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import min_of
 from ._cycle_collocation import NewtonReport, PanelEquations, newton
@@ -76,8 +76,27 @@ def blank_solution(count: int, states: int, options: CycleOptions) -> CycleSolut
     )
 
 
+class Approach(NamedTuple):
+    """A step of the waves towards those of the flows of a march.
+
+    Attributes:
+        goes_on: whether another march is to follow before Newton's method is asked.
+        waves: those it is to meet.
+        size: [-] of the step.
+    """
+
+    goes_on: Bool[Array, ""]
+    waves: Any
+    size: Float[Array, ""]
+
+
 class AbstractLines(eqx.Module):
     """The lines as the rounds meet them: with waves that are unknown beside the panels, or none."""
+
+    def prepared(self, system: Cylinders) -> "AbstractLines":
+        """These lines with what all rounds share."""
+        del system
+        return self
 
     @abstractmethod
     def rounds(self, options: CycleOptions) -> int:
@@ -100,6 +119,25 @@ class AbstractLines(eqx.Module):
     @abstractmethod
     def is_coarse(self, system: Cylinders, z: Unknowns) -> Bool[Array, ""]:
         """Whether panels resolve too little."""
+
+    def revolutions(self, system: Cylinders, count: int, memory) -> int | Int[Array, ""]:
+        """Revolutions of a march at most."""
+        del system, memory
+        return count
+
+    def memory(self, waves) -> Any:
+        """Memory before the first round."""
+        del waves
+
+    def approach(
+        self, system: Cylinders, mesh: Mesh, z: Unknowns, waves, memory
+    ) -> Approach | None:
+        """Step of the waves by what earlier rounds have found out; `None` of lines without any."""
+        del system, mesh, z, waves, memory
+
+    def remembered(self, memory, approach: Approach | None, report: NewtonReport) -> Any:
+        """Memory after a round."""
+        del memory, approach, report
 
     @abstractmethod
     def next_waves(self, goes_on, waves, new, report: NewtonReport) -> Any:
@@ -137,6 +175,13 @@ class ConstantLines(AbstractLines):
         return None
 
 
+def _unless_marched(mesh: Mesh, approach: Approach | None) -> Mesh:
+    """Panels that Newton's method leaves alone where another march follows."""
+    if approach is None:
+        return mesh
+    return mesh._replace(fits=mesh.fits & ~approach.goes_on)
+
+
 def rounds_of(
     system: Cylinders, options: CycleOptions, start: CycleSolution | None, lines: AbstractLines
 ) -> CycleSolution:
@@ -156,7 +201,7 @@ def rounds_of(
     few = min(8, options.revolutions_at_most)
 
     def advance(carry):
-        state, flags, waves, watched, previous, is_lost, rounds = carry
+        state, flags, waves, watched, memory, previous, is_lost, rounds = carry
         ready = rounds < 0
         tolerance = options.march_tolerance_of(rounds)
         repeat = 100 * tolerance  # Newton's method closes the rest
@@ -170,7 +215,7 @@ def rounds_of(
             state,
             flags,
             is_marched,
-            few,
+            lines.revolutions(system, few, memory),
             tuple(watched),
             # a start that is near enough without it is nearer, since settling leaves out what necks mix
             settles=is_lost & (rounds == 1),
@@ -180,8 +225,10 @@ def rounds_of(
             of_start = start.mesh, start.z, start.events, start.totals, start.repeats
             after_march = jax.tree.map(partial(jnp.where, ready), of_start, after_march)
         mesh, z, events, totals, repeats = after_march
-        new, new_waves, report = lines.solve(system, mesh, z, waves, options)
-        sound = mesh.fits & (report.size < NEAR)
+        approach = lines.approach(system, mesh, z, waves, memory)
+        tried = _unless_marched(mesh, approach)
+        new, new_waves, report = lines.solve(system, tried, z, waves, options)
+        sound = tried.fits & (report.size < NEAR)
         coarse = sound & report.holds & lines.is_coarse(system, new) & options.may_grow
         # panels that resolve too little are too few
         mesh = mesh._replace(fits=mesh.fits & ~coarse)
@@ -206,17 +253,25 @@ def rounds_of(
         state = jnp.where(goes_on, new.left[0], end.state)
         flags = jnp.where(goes_on, mesh.flags[0], end.flags)
         waves = lines.next_waves(goes_on, waves, new_waves, report)
+        memory = lines.remembered(memory, approach, report)
+        number = rounds + 1
+        is_lost = ~goes_on
+        if approach is not None:
+            is_lost &= ~approach.goes_on
+            waves = jax.tree.map(partial(jnp.where, approach.goes_on), approach.waves, waves)
+            number = jnp.where(approach.goes_on, rounds, number)
         # a step of the march may have dipped there beyond an event and out again; that of a start is
         # noted in the last row, which no other round reads
         watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
         usable = end.ended & mesh.fits
-        rounds = jnp.where(usable, rounds + 1, max_rounds)
-        return state, flags, waves, watched, solution, ~goes_on, rounds
+        rounds = jnp.where(usable, number, max_rounds)
+        return state, flags, waves, watched, memory, solution, is_lost, rounds
 
     def going_on(carry):
         *_, solution, _, rounds = carry
         return ~solution.solved & (rounds < max_rounds)
 
+    lines = lines.prepared(system)
     state, flags = system.initial(START)
     waves = lines.waves_at_rest(system)
     no_solution_yet = blank_solution(system.count, system.size, options)._replace(waves=waves)
@@ -226,5 +281,7 @@ def rounds_of(
         )
         waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
     watched = jnp.full(max_rounds, jnp.inf)
-    begin = state, flags, waves, watched, no_solution_yet, jnp.asarray(False), -1 * has_start
-    return lax.while_loop(going_on, advance, begin)[4]
+    memory = lines.memory(waves)
+    lost = jnp.asarray(False)
+    begin = state, flags, waves, watched, memory, no_solution_yet, lost, -1 * has_start
+    return lax.while_loop(going_on, advance, begin)[5]

@@ -184,6 +184,11 @@ def test_a_plenum_before_a_pipe_is_a_volume_with_a_neck():
 
 @pytest.mark.slow
 def test_derivatives_of_a_cycle_between_plenums_and_pipes():
+    # Panels are laid anew for every value. Of 64 that moves a difference by up to 4 % of the slopes of
+    # the discharge's wave in the suction line's numbers, the more the smaller the step; of 160 by
+    # 2.3e-5 of the wave over the number, and by 5e-5 of all other slopes.
+    options = CycleOptions(panels=160, capacity=2000, max_passes=20_000)
+
     def figures(numbers):
         length, volume, neck, speed = numbers
         before = (Plenum(volume, 0.05, neck, 1.5),)
@@ -191,7 +196,7 @@ def test_derivatives_of_a_cycle_between_plenums_and_pipes():
         pipes = (Pipes(("flange", "line"), length, 0.04, attenuation=0.05),)
         discharge = (Pipes(("flange", "line"), 0.8, 0.03, attenuation=0.05),)
         gas = machine(Piping(pipes, orders=24), Piping(discharge, orders=24), before, behind)
-        cycle = solve_cycle(gas, crank(), speed)
+        cycle = solve_cycle(gas, crank(), speed, options)
         pulsation = cycle.pulsation
         return jnp.stack(
             [
@@ -208,10 +213,8 @@ def test_derivatives_of_a_cycle_between_plenums_and_pipes():
     for place in range(point.size):
         step = jnp.zeros(point.size).at[place].set(1e-4 * point[place])
         difference = (figures(point + step) - figures(point - step)) / (2e-4 * point[place])
-        # panels are laid anew for every value, which moves it by 1e-5 of itself: 2e-4 of slopes of work
-        # and flow, 1 % of those of the discharge's wave to what stands in the suction line
         error = np.abs(slopes[:, place] - difference)
-        assert (error <= 1e-3 * np.abs(difference) + 1e-4 * values / point[place]).all()
+        assert (error <= 1e-4 * np.abs(difference) + 4e-5 * values / point[place]).all()
 
 
 @pytest.mark.slow
