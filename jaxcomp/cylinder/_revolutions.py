@@ -4,13 +4,13 @@ from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import max_of, maximum
+from .._core.one_by_one import one_by_one
 from ._cylinder_system import Cylinders
 from ._gas_balance import Accounts
 from ._march import AbstractLaw, Record, Stretch, empty_record, stretch
@@ -69,20 +69,17 @@ def march(
         watched: [rad] crank angles at which a step ends, where an event is suspected; infinite for none.
         settles: whether the gas in plenums is exchanged at once after each of the first revolutions.
     """
-    arrays, static_part = eqx.partition(
-        (system, tolerance, repeat, state, flags, is_marched, watched, settles), eqx.is_array
-    )
+    revolutions = jnp.where(is_marched, max_revolutions, 0)
+    settling = jnp.where(settles, _SETTLING, 0)
 
-    @jax.custom_batching.sequential_vmap
-    def march_sample(arrays):
-        numbers = eqx.combine(arrays, static_part)
-        system, tolerance, repeat, state, flags, is_marched, watched, settles = numbers
-        count = jnp.where(is_marched, max_revolutions, 0)
+    def march_sample(system, tolerance, repeat, state, flags, revolutions, watched, settling):
         turn = partial(_revolve, system, options, tolerance, watched)
-        settling = jnp.where(settles, _SETTLING, 0)
-        return _repeated(system, turn, repeat, state, flags, count, options.kept_steps, settling)
+        kept = options.kept_steps
+        return _repeated(system, turn, repeat, state, flags, revolutions, kept, settling)
 
-    return march_sample(arrays)
+    start = state, flags
+    limits = revolutions, watched, settling
+    return one_by_one(march_sample, system, tolerance, repeat, *start, *limits)
 
 
 class _Revolution(AbstractLaw):

@@ -195,6 +195,7 @@ def rounds_of(
         start: of a similar machine.
         lines: on which the cylinders work.
     """
+    lines = lines.prepared(system)
     has_start = jnp.asarray(False) if start is None else start.solved
     max_rounds = lines.rounds(options)
     # further revolutions cost more than another round
@@ -271,17 +272,23 @@ def rounds_of(
         *_, solution, _, rounds = carry
         return ~solution.solved & (rounds < max_rounds)
 
-    lines = lines.prepared(system)
     state, flags = system.initial(START)
-    waves = lines.waves_at_rest(system)
-    no_solution_yet = blank_solution(system.count, system.size, options)._replace(waves=waves)
-    if start is not None:
-        no_solution_yet = no_solution_yet._replace(
-            revolutions=start.revolutions, passes=start.passes
-        )
-        waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
+    no_solution_yet = _before_first_round(system, options, start, lines)
+    waves = no_solution_yet.waves
     watched = jnp.full(max_rounds, jnp.inf)
     memory = lines.memory(waves)
     lost = jnp.asarray(False)
     begin = state, flags, waves, watched, memory, no_solution_yet, lost, -1 * has_start
     return lax.while_loop(going_on, advance, begin)[5]
+
+
+def _before_first_round(
+    system: Cylinders, options: CycleOptions, start: CycleSolution | None, lines: AbstractLines
+) -> CycleSolution:
+    """No solution, with the waves that a start has and with what it took to find it."""
+    waves = lines.waves_at_rest(system)
+    blank = blank_solution(system.count, system.size, options)
+    if start is None:
+        return blank._replace(waves=waves)
+    waves = jax.tree.map(partial(jnp.where, start.solved), start.waves, waves)
+    return blank._replace(waves=waves, revolutions=start.revolutions, passes=start.passes)

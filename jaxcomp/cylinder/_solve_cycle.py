@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.each import stacked
 from .._core.errors import BadInput
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
+from .._core.one_by_one import one_by_one
 from .._core.polynomials import gauss
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status, ended_in
@@ -355,8 +356,11 @@ def _solved_system(system: Cylinders, options: CycleOptions, start: CycleSolutio
     frozen = lax.stop_gradient(system)
     if marching:
         return system, _march_only(frozen, options, start), marching
-    lines = PipedLines() if is_piped(system.cases.cylinder) else ConstantLines()
-    return system, rounds_of(frozen, options, start, lines), marching
+    if not is_piped(system.cases.cylinder):
+        return system, rounds_of(frozen, options, start, ConstantLines()), marching
+    # a network that rings takes five times the rounds of another
+    solution = one_by_one(partial(rounds_of, lines=PipedLines()), frozen, options, start)
+    return system, solution, marching
 
 
 def _march_only(

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._core.extremes import max_of
+from .._core.extremes import max_of, maximum
 from ._gas import PipeGas
 from ._piping import LINE, Piping
 from .pipe import FourPole, WaveLine, attenuated_line, four_pole, walled_line
@@ -158,6 +158,10 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     )
 
 
+# [-] Least resistance to the mean flow in parts of the impedance of a wave, shared out as inertances are.
+_OF_INERTANCE = 1e-9
+
+
 def no_drag(network: Network) -> Drag:
     """Friction of a network without mean flow."""
     none = jnp.zeros_like(network.length)
@@ -190,9 +194,12 @@ def steady_transfers(network: Network, gas: PipeGas, drag: Drag) -> FourPole:
     attenuated = np.array(network.attenuated)
     angle = jnp.where(attenuated, network.attenuation * network.length, 0.0)
     impedance = gas.sound_speed / network.area
+    friction = jnp.where(attenuated, impedance * jnp.sinh(angle), drag.mean)
+    # of a loop without losses the flow would divide in any way: this is its limit at low frequencies
+    inertance = network.length / jnp.sum(network.length) * impedance
     return FourPole(
         jnp.cosh(angle),
-        jnp.where(attenuated, impedance * jnp.sinh(angle), drag.mean),
+        maximum(friction, _OF_INERTANCE * inertance),
         jnp.sinh(angle) / impedance,
     )
 

@@ -319,6 +319,15 @@ def test_half_a_wave_is_a_pipe_like_any_other():
     assert impedance(straight(1.0, attenuation=0.0), half) == pytest.approx(0.0, abs=1e-6)
 
 
+def test_the_mean_divides_in_a_loop_without_losses_as_inertances_do():
+    ways = [Pipes(("flange", "line"), length, 0.05, attenuation=0.0) for length in (1.0, 3.0)]
+    network = network_of(Piping(tuple(ways)), AIR)
+    steady = steady_response(network, AIR, no_drag(network))
+    # the limit is taken at 1e-9 of the impedance of a wave
+    assert float(steady.pressure[0, 0]) == pytest.approx(0.0, abs=1e-9 * C / float(network.area[0]))
+    np.testing.assert_allclose(steady.pipe_flow[:, 0], [0.75, 0.25], rtol=1e-6)
+
+
 def test_the_mean_meets_the_resistances_on_its_way():
     piping = Piping(
         (Pipes(("flange", "hole"), 0.6, 0.05, attenuation=0.02),),
