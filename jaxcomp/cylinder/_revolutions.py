@@ -74,8 +74,8 @@ def march(
 
     def march_sample(system, tolerance, repeat, state, flags, revolutions, watched, settling):
         turn = partial(_revolve, system, options, tolerance, watched)
-        kept = options.kept_steps
-        return _repeated(system, turn, repeat, state, flags, revolutions, kept, settling)
+        capacity = options.kept_steps
+        return _repeated(system, turn, repeat, state, flags, revolutions, capacity, settling)
 
     start = state, flags
     limits = revolutions, watched, settling

@@ -158,8 +158,8 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     )
 
 
-# [-] Least resistance to the mean flow in parts of the impedance of a wave, shared out as inertances are.
-_OF_INERTANCE = 1e-9
+# [1/m] Least resistance to the mean flow over length and impedance of a wave, in the ratio of inertances.
+_LEAST_DRAG = 1e-9
 
 
 def no_drag(network: Network) -> Drag:
@@ -196,10 +196,9 @@ def steady_transfers(network: Network, gas: PipeGas, drag: Drag) -> FourPole:
     impedance = gas.sound_speed / network.area
     friction = jnp.where(attenuated, impedance * jnp.sinh(angle), drag.mean)
     # of a loop without losses the flow would divide in any way: this is its limit at low frequencies
-    inertance = network.length / jnp.sum(network.length) * impedance
     return FourPole(
         jnp.cosh(angle),
-        maximum(friction, _OF_INERTANCE * inertance),
+        maximum(friction, _LEAST_DRAG * network.length * impedance),
         jnp.sinh(angle) / impedance,
     )
 
