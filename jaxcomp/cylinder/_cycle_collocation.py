@@ -315,8 +315,8 @@ class AbstractEquations(eqx.Module):
         The scales of plates are lift and angle. A light plate at low speed moves a thousand times faster
         and its velocity is known to 1e-7, where the cycle is known to 1e-12.
         """
-        points = self.panels(unknowns).points
-        largest = jnp.max(jnp.abs(lax.stop_gradient(points)), axis=(0, 1))
+        points = lax.stop_gradient(self.panels(unknowns).points)
+        largest = max_of(jnp.abs(points.reshape(-1, points.shape[-1])), axis=0)
         weights = 1 / maximum(1.0, jnp.where(jnp.isfinite(largest), largest, 1.0))
         # the velocity in the port of a shut valve may be anything at the start; it decides nothing
         return weights.at[self.system.columns(4, 7)].set(0.0)
