@@ -12,7 +12,7 @@ import pytest
 from cylinder.test_cylinder import SPEED, golden, mechanism, with_values
 from reference_valves import Reference
 
-from jaxcomp import Status
+from jaxcomp import SolveFailed, Status
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.cylinder._cycle import GRAZING
 
@@ -74,14 +74,17 @@ def test_a_valve_that_bounces(restitution):
     assert not all(bool(one) for one in jax.tree.leaves(cycle.grazes))
 
 
-@pytest.mark.slow  # two programs
-def test_panels_grow_where_events_need_it():
-    """Twelve events have no room on twelve panels; within a program that is a status."""
+@pytest.mark.slow  # three programs
+def test_panels_that_are_given_have_room_or_say_so():
+    """Seventeen events, those of choking ports with them, have none on twelve panels."""
     few = CycleOptions(nodes=8, panels=12)
-    found = solve_cycle(golden("D"), mechanism(), SPEED, few)
+    with pytest.raises(SolveFailed, match=r"leave panels.*\(17 events"):
+        solve_cycle(golden("D"), mechanism(), SPEED, few)
+    enough = CycleOptions(nodes=8, panels=24)
+    found = solve_cycle(golden("D"), mechanism(), SPEED, enough)
     assert found.raw[0].event.size == 24
     wanted = solve_cycle(golden("D"), mechanism(), SPEED, OPTIONS).volumetric_efficiency
-    # 8 nodes on the few panels between twelve events
+    # 8 nodes on the few panels between the events
     np.testing.assert_allclose(found.volumetric_efficiency, wanted, rtol=1e-6)
     traced = jax.jit(lambda speed: solve_cycle(golden("D"), mechanism(), speed, few, throw=False))
     assert bool(traced(SPEED).status == Status.too_many_events)
