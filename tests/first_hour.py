@@ -701,9 +701,6 @@ COMMANDS = {
         ("no design", "motor_power <= 0.001 kW", "nearest"),
         most=2 * MOST,  # with the tables of the nearest design
     ),
-    "command of an earlier version": _cli(
-        f"update hermetic-68cc modes.csv --variable {STEEL}", "identify MACHINE --data", "--vary"
-    ),
     "friction that locks": _cli(
         f"run {WBHE} --set friction.wall.coefficient=8", "locks the joints", "lower"
     ),
