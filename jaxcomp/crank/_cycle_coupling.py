@@ -173,19 +173,18 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
         ), solution
 
     first_solution = unsolved(cycle), orbit
-    tolerance = _tolerance(compressor, solver)
-    noise = _MARCHED_NOISE if _is_marched(compressor, solver) else 0.0
+    tolerance, noise = _agreement(compressor, solver)
     motion, solution, report = mix(
         step, first_motion, first_solution, tolerance, MAX_ITERATIONS, _sampled, _combined, noise
     )
     return solution, motion, report.settled
 
 
-def _tolerance(compressor: Compressor, solver) -> float:
-    """[-] Change by a step at which crank and cycle agree."""
+def _agreement(compressor: Compressor, solver) -> tuple[float, float]:
+    """[-] Change by a step at which crank and cycle agree, and changes that may be noise."""
     if _is_marched(compressor, solver):
-        return _MARCHED_TOLERANCE
-    return _TOLERANCE if solver.cycle.size == 0 else _TOLERANCE_OF_LARGER_SIZES
+        return _MARCHED_TOLERANCE, _MARCHED_NOISE
+    return (_TOLERANCE if solver.cycle.size == 0 else _TOLERANCE_OF_LARGER_SIZES), 0.0
 
 
 def _sampled(motion: Motion) -> Float[Array, " n"]:

@@ -274,7 +274,7 @@ def journal_drive(
     shares = rate_shares(compressor, state.angle)
     ones = jnp.ones_like(state.angle)
     force = [-forces[journal.joint] / (film_unit(journal.bearing) * over) for journal in journals]
-    # joints of the shaft itself are not listed: their bushes stand still
+    # joints of the shaft itself are not listed: their bushes do not turn
     sums = [shares.get(journal.joint, (ones, ones))[1] for journal in journals]
     turning = [half * rates for rates in sums]
     films = tuple(moving_film(journal.bearing) for journal in journals)

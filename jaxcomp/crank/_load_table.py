@@ -289,7 +289,7 @@ class LoadedJournal(Result, eqx.Module):
     """
 
     def nested(self) -> dict[str, Any]:
-        """The bearing, how the table was read, and what is found over a period."""
+        """The bearing, how the table was read, and the results of a period."""
         numbers = {
             quantity.name: quantity.values for quantity in self.described() if not quantity.dims
         }

@@ -489,7 +489,7 @@ class BorderEquations(AbstractEquations):
         return keeps_within(self.system, self.mesh, unknowns.panels, _OF_LAST_TERMS)
 
 
-def amplitude_of(waves: Waves) -> Float[Array, ""]:
+def _amplitude_of(waves: Waves) -> Float[Array, ""]:
     """[-] Largest pressure of waves at any flange, by its root mean square, over that of the line."""
     largest = jnp.zeros(())
     for side in waves:
@@ -501,7 +501,7 @@ def amplitude_of(waves: Waves) -> Float[Array, ""]:
 
 def limited(before: Waves, change: Waves) -> Waves:
     """Waves after a change, of which is followed what stays within a tenth of the line's pressure."""
-    largest = amplitude_of(change)
+    largest = _amplitude_of(change)
     finite = jnp.isfinite(largest)
     share = minimum(1.0, _LARGEST_STEP / jnp.where(finite & (largest > 0), largest, 1.0))
     share = jnp.where(finite, share, 0.0)

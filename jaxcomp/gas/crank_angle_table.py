@@ -75,7 +75,7 @@ class CrankAngleTable(AbstractDiagram):
         closed = self.closed
         joined = jnp.where(closed, (values[0] + values[-1]) / 2, values[jnp.array([0, -1])])
         values = values.at[jnp.array([0, -1])].set(joined)
-        # With two points of the turn before and after, the slopes at both ends are those of inner
+        # With two points of the revolution before and after, the slopes at both ends are those of inner
         # points. Of a closed table the last point is the first one, and counts once.
         before = jnp.where(closed, jnp.array([-3, -2]), jnp.array([-2, -1]))
         after = jnp.where(closed, jnp.array([1, 2]), jnp.array([0, 1]))

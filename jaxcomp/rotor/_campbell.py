@@ -155,7 +155,7 @@ def critical_speeds_between(
     speed = np.asarray(spin_speeds)
     gap = np.asarray(modes.frequency) - order * speed[:, None]
     # A gap of zero counts where the interval ends, so once, and at the very first speed, unless the
-    # rotor stands still there. Modes that the model lacks at a speed are NaN, which compares as
+    # rotor does not spin there. Modes that the model lacks at a speed are NaN, which compares as
     # false: they cross nothing.
     crosses = (gap[:-1] > 0) & (gap[1:] <= 0) | (gap[:-1] < 0) & (gap[1:] >= 0)
     crosses[0] |= (gap[0] == 0) & (gap[1] != 0) & (speed[0] > 0)

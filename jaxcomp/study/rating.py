@@ -294,7 +294,7 @@ def rating_map(
 
 
 def _dew_points(compressor: Compressor, rating: str, evaporating, condensing):
-    """[K] Dew temperatures of points by mean temperatures, worked out beside the program of the map."""
+    """[K] Dew temperatures of points by mean temperatures, computed beside the program of the map."""
     rows = []
     for temperatures in zip(evaporating, condensing, strict=True):
         gas = at_rating(compressor, *temperatures, rating, "mean").gas

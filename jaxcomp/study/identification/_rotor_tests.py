@@ -26,7 +26,7 @@ _DEGREE = np.pi / 180
 _PAIR = 1e-3
 # Squares of modes where a shape was measured below this share of the largest are rounding.
 _SEEN = 1e-12
-_RIDGE = 1e-10
+_REGULARISATION = 1e-10
 
 
 @dataclass(frozen=True)
@@ -188,8 +188,8 @@ def _projected(
     size = jnp.trace(gram)
     size = jnp.where(size > 0, size, 1.0)
     # Two modes that are one at these places make it singular; what is added changes 1e-10 of a shape.
-    ridge = _RIDGE * size * jnp.eye(gram.shape[0])
-    share = jnp.linalg.solve(gram + ridge, basis @ reading)
+    regularisation = _REGULARISATION * size * jnp.eye(gram.shape[0])
+    share = jnp.linalg.solve(gram + regularisation, basis @ reading)
     return share @ jnp.where(in_plane[:, None], shapes, 0.0)
 
 
