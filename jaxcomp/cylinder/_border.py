@@ -457,8 +457,9 @@ class BorderEquations(AbstractEquations):
     # A first step by more than a stop of a valve does not come back, or to other branches: its waves are
     # followed as far as is safe, and the next march meets them.
     lost: ClassVar[float] = 1.0
-    # Another Jacobian costs as much as five steps.
+    # Another Jacobian costs as much as seven steps.
     fast: ClassVar[float] = 0.3
+    most_with_one: ClassVar[int] = 10
 
     system: Cylinders
     mesh: Mesh
@@ -487,6 +488,12 @@ class BorderEquations(AbstractEquations):
 
     def keeps_within(self, unknowns):
         return keeps_within(self.system, self.mesh, unknowns.panels, _OF_LAST_TERMS)
+
+    def size(self, step, weights):
+        # Whether a step is lost is seen in lifts and angles: a plate that moves fast weighs little.
+        size = super().size(step, weights)
+        in_scales = super().size(step, jnp.sign(weights))
+        return jnp.where(in_scales < self.lost, size, maximum(size, self.lost))
 
 
 def _amplitude_of(waves: Waves) -> Float[Array, ""]:

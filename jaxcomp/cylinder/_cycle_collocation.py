@@ -34,9 +34,6 @@ _LEFT = 1e-6
 _PASSED = 1e-9
 # [-] A step of Newton's method beyond this has lost the solution.
 LOST = 10.0
-# [-] A step below this part of the one before is taken with the same Jacobian, so many at most.
-FAST = 0.1
-MOST_WITH_ONE = 6
 # [-] Size of a step below which one that shrinks no more is rounding: up to 3e-9 of 130 events.
 _ROUNDING = 1e-8
 
@@ -274,8 +271,10 @@ class AbstractEquations(eqx.Module):
     mesh: eqx.AbstractVar[Mesh]
     # [-] A step beyond this has lost the solution.
     lost: ClassVar[float] = LOST
-    # [-] A step below this part of the one before is taken with the same Jacobian.
-    fast: ClassVar[float] = FAST
+    # [-] A step below this part of the one before is taken with the same Jacobian, so many at most
+    # behind the first.
+    fast: ClassVar[float] = 0.1
+    most_with_one: ClassVar[int] = 6
 
     @abstractmethod
     def linearise(self, unknowns) -> tuple[Any, Any]:
@@ -380,8 +379,9 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
             _, _, size, previous_size, count, *_ = carry
             shrinks_fast = (
                 (size > tolerance)
+                & (size < lost)
                 & (size < equations.fast * previous_size)
-                & (count <= MOST_WITH_ONE)
+                & (count <= equations.most_with_one)
             )
             return shrinks_fast | (count == 0)
 
