@@ -47,9 +47,21 @@ def is_edge(record: Record) -> Bool[Array, " n"]:
     return (record.event >= 0) | (record.event == BEND)
 
 
-def lay_mesh(
-    record: Record, panels: int, nodes: int, kinks: Callable | None = None
-) -> tuple[Mesh, Unknowns]:
+class Layout(NamedTuple):
+    """Panels as they are laid after a march.
+
+    Attributes:
+        mesh: their branches and events.
+        unknowns: the march on them.
+        kink_distance: [rad] largest of a kink of the rates from the nearest edge.
+    """
+
+    mesh: Mesh
+    unknowns: Unknowns
+    kink_distance: Float[Array, ""]
+
+
+def lay_mesh(record: Record, panels: int, nodes: int, kinks: Callable | None = None) -> Layout:
     """Panels after the steps of a march: at least one between events, more where steps are many.
 
     Given angles are edges as well, but no events: they do not move.
@@ -92,9 +104,10 @@ def lay_mesh(
     mesh = Mesh(record.flags[first_row.astype(int)], event, code, count <= panels)
 
     at = partial(within_steps, record)
+    kink_distance = jnp.zeros(())
     if kinks is not None:
         is_free = ~ends_interval[:-1]
-        at_kinks = _with_kinks(kinks, at, edges, mesh.flags, is_free, nodes)
+        at_kinks, kink_distance = _with_kinks(kinks, at, edges, mesh.flags, is_free, nodes)
         # an edge that has moved stands within another step
         moved_row = jnp.searchsorted(record.angle, at_kinks[:-1], side="right") - 1
         row = jnp.where(at_kinks[:-1] == edges[:-1], row, moved_row)
@@ -103,12 +116,13 @@ def lay_mesh(
     angle, _ = point_angles(edges, nodes)
     points = jax.vmap(jax.vmap(at))(angle)
     ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
-    return mesh, Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
+    unknowns = Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
+    return Layout(mesh, unknowns, kink_distance)
 
 
 def _with_kinks(
     kinks: Callable, at: Callable, edges, flags, is_free: Bool[Array, " p-1"], nodes: int
-) -> Float[Array, " p+1"]:
+) -> tuple[Float[Array, " p+1"], Float[Array, ""]]:
     """Edges of which free ones stand at the kinks of the rates next to them.
 
     An edge at a kink need not move with it: what a panel misses of a kink that enters it grows with the
@@ -121,6 +135,10 @@ def _with_kinks(
         flags: (p, f) branches of the panels.
         is_free: whether each inner edge is neither an event nor a given angle.
         nodes: Gauss nodes on each panel.
+
+    Returns:
+        The edges [rad], and the largest distance [rad] of a kink from the nearest of them: without any
+        free edge next to it, or with another kink on its panel, a kink stays within.
     """
     angle, width = point_angles(edges, nodes)
     angle = jnp.concatenate([edges[:-1, None], angle], axis=1)
@@ -145,7 +163,12 @@ def _with_kinks(
     takes_right = is_inside & right_is_free & ~takes_left
     inner = jnp.where(takes_left[1:], place[1:], edges[1:-1])
     inner = jnp.where(takes_right[:-1], place[:-1], inner)
-    return edges.at[1:-1].set(inner)
+    moved_edges = edges.at[1:-1].set(inner)
+
+    places = places.ravel()
+    after = clip(jnp.searchsorted(moved_edges, places), 1, edges.size - 1)
+    distance = minimum(places - moved_edges[after - 1], moved_edges[after] - places)
+    return moved_edges, max_of(jnp.where(jnp.isfinite(places), jnp.abs(distance), 0.0))
 
 
 def point_angles(edges, nodes: int):

@@ -56,7 +56,7 @@ def test_a_folder_of_results_is_written_anew(tmp_path):
 
 
 def test_a_file_of_the_user_is_seen_before_anything_is_solved(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxcomp.crank.solve_orbit", None)
+    monkeypatch.setattr("jaxcomp.study._steady_state.solve_orbit", None)
     scene = tmp_path / "machine.toml"
     scene.write_text(start("slider-crank", "mine"))
     before = scene.read_text()

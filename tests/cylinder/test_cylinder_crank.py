@@ -314,7 +314,7 @@ def test_a_machine_that_delivers_nothing_says_what_it_lacks(monkeypatch):
     def fails(*_, **__):
         raise SolveFailed(Status.no_delivery, result=SimpleNamespace(cycle=results[0]))
 
-    monkeypatch.setattr("jaxcomp.crank.solve_orbit", fails)
+    monkeypatch.setattr("jaxcomp.study._steady_state.solve_orbit", fails)
     result = CliRunner().invoke(app, ["run", "r290-6cc"], env={"COLUMNS": "200"})
     assert result.exit_code == 2
     assert "nothing is delivered" in result.stderr

@@ -45,7 +45,7 @@ def at_angles(*places):
 
 def test_kinks_are_edges(record):
     places = START + TURN * np.array([0.137, 0.72])
-    mesh, z = lay_mesh(record, PANELS, 4, at_angles(*places))
+    mesh, z, _ = lay_mesh(record, PANELS, 4, at_angles(*places))
     edges = np.asarray(z.edges)
     # straight lines, whose zeros are known to rounding
     np.testing.assert_allclose([np.min(np.abs(edges - place)) for place in places], 0, atol=1e-13)
@@ -54,6 +54,19 @@ def test_kinks_are_edges(record):
     np.testing.assert_allclose(z.left[:, 0], edges[:-1], rtol=1e-13)
     event_edge = edges[1:][np.asarray(mesh.event) == 0]
     np.testing.assert_allclose(event_edge, record.angle[EVENT_STEP + 1], rtol=1e-15)
+
+
+def test_a_second_kink_of_a_panel_is_told(record):
+    plain = np.asarray(lay_mesh(record, PANELS, 4)[1].edges)
+    left, right = plain[2:4]
+    first, second = left + (right - left) * np.array([0.3, 0.6])
+    alone = lay_mesh(record, PANELS, 4, at_angles(first))
+    assert alone.kink_distance < 1e-13
+    both = lay_mesh(record, PANELS, 4, at_angles(first, second))
+    edges = np.asarray(both.unknowns.edges)
+    assert np.min(np.abs(edges - first)) < 1e-13
+    # the right edge stays, and is further from the second kink than that which stands at the first
+    assert float(both.kink_distance) == pytest.approx(second - first, rel=1e-12)
 
 
 def test_events_stay_where_they_are(record):
@@ -79,7 +92,7 @@ def test_states_at_moved_edges_are_of_the_steps_they_stand_in(record):
     def kinks(angle, state, flags):
         return angle - jnp.asarray(places)
 
-    _, z = lay_mesh(record, PANELS, 4, kinks)
+    _, z, _ = lay_mesh(record, PANELS, 4, kinks)
     # the cubic of a step errs by its width to the fourth over 384; that of another step by 50 times that
     np.testing.assert_allclose(z.left[:, 0], np.sin(z.edges[:-1]), atol=(TURN / STEPS) ** 4 / 384)
 

@@ -53,7 +53,7 @@ def test_an_answer_that_does_not_help_is_noticed(folder, monkeypatch):
 def test_out_at_a_file_is_refused_before_anything_is_solved(tmp_path, monkeypatch):
     file = tmp_path / "results"
     file.write_text("mine")
-    monkeypatch.setattr("jaxcomp.crank.solve_orbit", None)
+    monkeypatch.setattr("jaxcomp.study._steady_state.solve_orbit", None)
     found = CliRunner().invoke(app, ["run", "mayekawa-wbhe", "--out", str(file)])
     assert found.exit_code == 2
     assert "is a file; name a folder" in " ".join(found.stderr.split())
