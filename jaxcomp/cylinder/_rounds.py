@@ -51,8 +51,8 @@ def laid(
     events = count_events(end.record)
     steps = jnp.where(end.complete, 0, options.kept_steps + 1)
     fits = layout.mesh.fits & options.has_room(jnp.sum(events), steps)
-    if options.may_grow:
-        # more panels have an edge for every kink
+    if options.may_grow and options.method == "collocation":
+        # more panels have an edge for every kink; a march needs none there
         fits &= layout.kink_distance < _FAR_KINK
     return layout.mesh._replace(fits=fits), layout.unknowns, events
 
