@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from .._core.each import stacked
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from .._core.fields import admissible, clipped, is_traced, strongly_typed
 from .._core.one_by_one import one_by_one
 from .._core.polynomials import gauss
@@ -249,7 +250,7 @@ def _followed(cylinder, mechanism, speed, pace, known_cycle: Cycle) -> Cycle:
     return followed
 
 
-@eqx.filter_jit
+@kept_jit
 def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     """The cycle of what may be out of bounds, which its status says."""
     good = admissible(cylinder) & admissible(mechanism) & (speed > 0)

@@ -14,6 +14,7 @@ from jaxcomp import load, optimise, problem, sensitivity
 from jaxcomp._core import exported
 from jaxcomp._core.fields import admissible, clipped
 from jaxcomp._core.polynomials import legendre_columns
+from jaxcomp.cylinder import solve_cycle
 from jaxcomp.gas import PolytropicCycle
 
 X = np.linspace(-1.0, 2.0, 7)
@@ -183,6 +184,21 @@ for device in jax.devices()[::-1]:
     flags = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=2"
     done = subprocess.run([sys.executable, "-c", code], env=os.environ | {"XLA_FLAGS": flags})
     assert done.returncode == 0
+
+
+def test_a_cycle_is_asked_of_the_store(folder, monkeypatch):
+    """So that a later process, which solves one in Python, traces nothing."""
+
+    class Asked(Exception):
+        pass
+
+    def asked(function, *rest):
+        raise Asked(function.__name__)
+
+    monkeypatch.setattr(exported, "_program", asked)
+    machine = load("r290-6cc").as_compressor()
+    with pytest.raises(Asked, match="_solved_if_admissible"):
+        solve_cycle(machine.gas, machine.mechanism, machine.motor.speed_guess)
 
 
 @pytest.mark.slow  # compiles the slopes of a machine twice, half a minute
