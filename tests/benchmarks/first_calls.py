@@ -30,6 +30,7 @@ CASES = {
     "gradient": "first value and gradient of the efficiency to all parameters",
     "films": "`solve_orbit` of the machine with two film journals",
     "films_gradient": "its gradient to all parameters",
+    "cycle": "`solve_cycle` of `r290-6cc`, its crank at constant speed",
     "valves": "`solve_orbit` of `r134a-7cc`",
     "valves_gradient": "its gradient to all parameters",
     "shooting_gradient": "gradient through `Shooting()`",
@@ -133,6 +134,15 @@ def films():
 
 def films_gradient():
     return gradient_of(machine_with_films())
+
+
+def cycle():
+    from jaxcomp import load
+    from jaxcomp.cylinder import solve_cycle
+
+    machine = load("r290-6cc").as_compressor()
+    solution = solve_cycle(machine.gas, machine.mechanism, machine.motor.speed_guess)
+    return solution.volumetric_efficiency
 
 
 def valves():
