@@ -230,9 +230,9 @@ def _limits(solved: dict[str, Any]):
         filter_text = "unfiltered"
         if limit["order"]:
             filter_text = f"order {limit['order']}"
-        passed = "passed" if limit["margin"] < 1 else ""
+        verdict = "exceeded" if limit["margin"] < 1 else ""
         rows.append(
-            (limit["place"], filter_text, *_percents(limit), f"{limit['margin']:.4g}", passed)
+            (limit["place"], filter_text, *_percents(limit), f"{limit['margin']:.4g}", verdict)
         )
     for place, limit in solved["approach_1"].items():
         margin = limit["allowed"] / max(limit["value"], 1e-12)

@@ -235,7 +235,7 @@ class Pulsation(Result, eqx.Module):
 
     @property
     def margin(self) -> Float[Array, ""]:
-        """[-] The least of all limits of API 618 over its value: below 1 one is passed."""
+        """[-] The least of all limits of API 618 over its value: below 1 one is exceeded."""
         return min_of(jnp.stack([limit.margin for limit in self.limits]))
 
     @property

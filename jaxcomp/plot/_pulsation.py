@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from .._core.display import RPM
 from . import _style as style
@@ -11,6 +12,8 @@ from ._drawing import drawing
 
 # Orders of a spectrum that are drawn.
 _DRAWN = 20
+# [Pa] Height of the axis where less than this pulsates.
+_LEAST_SHOWN = 1.0
 
 
 @drawing
@@ -66,6 +69,10 @@ def spectra(solved: dict[str, Any]) -> Figure:
             # in the unit of the bars, whichever the limits have
             scale = 2 * sizes[orders - 1] / np.maximum(values, 1e-12)
             ax.plot(orders, allowed * scale, "_", color=style.INK, markersize=12)
+        # at a node that holds its pressure nothing is left but rounding
+        ax.set_ylim(0, max(ax.get_ylim()[1], _LEAST_SHOWN))
         ax.set_ylabel(f"{node}, Pa")
-    np.atleast_1d(axes)[-1].set_xlabel("Order (bars: peak to peak; marks: limit of API 618)")
+    last_axes = np.atleast_1d(axes)[-1]
+    last_axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    last_axes.set_xlabel("Order (bars: peak to peak; marks: limit of API 618)")
     return figure
