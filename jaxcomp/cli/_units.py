@@ -71,6 +71,7 @@ _RESULTS: dict[str, tuple[str, ...]] = {
     "respond": ("vibration.RotorMotion", "curves: vibration.MotionOverSpeed"),
     "run": (
         "study.SteadyState",
+        "load_steps: study.LoadSteps",
         "vibration: vibration.BlockVibration",
         "torsion: crank.TrainTorques",
         "api_618: study.ProcessSheet",

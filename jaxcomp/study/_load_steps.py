@@ -35,7 +35,7 @@ class LoadSteps(Result):
 
     table_dims: ClassVar[tuple[str, ...]] = ("load_step",)
     nested_units: ClassVar[str] = """
-        steps: name; mass_flow [kg/s]; flow_share; gas_power, shaft_power [W]
+        steps: mass_flow [kg/s]; flow_share; gas_power, shaft_power [W]
         steps: mean_torque [N m]; torque_fluctuation; rod_compression, rod_tension [N]
         steps: reversal_angle [rad]; reversal_share; discharge_temperature [K]; stage_pressures [Pa]
     """

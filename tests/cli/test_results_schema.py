@@ -97,6 +97,15 @@ def test_a_number_without_its_unit_does_not_fit():
     assert wrong_places(link, "respond") == [["links"]]
 
 
+def test_load_steps_fit_the_schema_of_a_run():
+    """Each has its name, which is no number, and the pressures between its stages by their numbers."""
+    step = {"name": "full load", "mass_flow": 0.8, "stage_pressures": {"1": 2.4e6}}
+    table = table_of("run")
+    assert wrong_places(with_units({"load_steps": {"steps": [step]}}, table), "run") == []
+    # nothing but the name goes without its unit
+    assert wrong_places({"load_steps": {"steps": [step]}}, "run")
+
+
 def test_a_quantity_keeps_its_own_unit_where_a_key_elsewhere_means_something_else():
     load = {"measured_on": {"load": 1.5, "cores": 2}, "rows": [{"error": 1e-3, "seconds": 0.1}]}
     found = with_units(load, table_of("accuracy"))
