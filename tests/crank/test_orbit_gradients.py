@@ -147,6 +147,21 @@ def test_reverse_mode_through_shooting(point):
     compare(named_leaves(gradient), differences(point, FINEST), point, 1e-6)
 
 
+def test_a_derivative_of_shooting_steps_where_the_solution_did(point):
+    """To the last bit, whatever the error of its steps is: pieces integrated again have to meet."""
+    fine = Shooting(tolerance=1e-6, reversals=0)
+    fixed = fine._prepared(point)
+    unknowns = jnp.ones(2)  # the speed at the beginning, and the level of the motor's torque
+    _, chosen = fine.march(point, unknowns, fixed, fine.adjoint)
+    assert np.isfinite(chosen).sum() > 20
+    # with a tolerance that would ask for a third of the steps
+    coarse = Shooting(tolerance=1e-3, reversals=0)
+    _, own = coarse.march(point, unknowns, fixed, coarse.adjoint)
+    assert np.isfinite(own).sum() < np.isfinite(chosen).sum()
+    _, followed = coarse.march(point, unknowns, fixed, coarse.adjoint, step_ends=chosen)
+    np.testing.assert_array_equal(followed, chosen)
+
+
 def test_a_further_gradient_is_no_program_of_its_own(monkeypatch, point):
     """An optimiser that steps outside of `jit` waits for compilers once."""
     solved = []
