@@ -21,7 +21,7 @@ from .crankshaft._loops import MachineLoops, machine_loops
 from .cylinder import Cylinder
 from .cylinder._cylinder import ports_fit
 from .cylinder._ends import check_settings
-from .cylinder._waves import pipings
+from .cylinder._waves import is_piped, pipings
 from .friction import AbstractFriction, JointLoads
 from .friction._joint_loads import closed
 from .gas import AbstractGas, StagedCycle, Stroke
@@ -166,7 +166,8 @@ def _check_ports(compressor: Compressor) -> None:
     if not isinstance(gas, Cylinder):
         return
     fits = ports_fit(gas, compressor.mechanism)
-    if any(is_traced(fit) for fit in fits) or bool(jnp.all(jnp.stack(fits))):
+    # by NumPy: of JAX every operation on numbers is a program of its own, which a first start compiles
+    if any(is_traced(fit) for fit in fits) or bool(np.all(np.stack(fits))):
         return
     areas = jnp.atleast_1d(compressor.mechanism.piston_area)
     stages = gas.stages if gas.later_stages else (1,) * areas.size
@@ -211,7 +212,7 @@ def _check_rod_and_ports(stage: Any, where: str, bore: float) -> None:
 def _check_pipes(compressor: Compressor) -> None:
     """Refuse pipes that are wider than five bores, as of a diameter in millimetres."""
     gas = compressor.gas
-    if not isinstance(gas, Cylinder):
+    if not isinstance(gas, Cylinder) or not is_piped(gas):
         return
     bore = 2 * jnp.sqrt(max_of(compressor.mechanism.piston_area) / jnp.pi)
     for name, piping in zip(("suction", "discharge"), pipings(gas), strict=True):

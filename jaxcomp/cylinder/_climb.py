@@ -77,12 +77,14 @@ class Climb:
 
     def _next_rung(self, rung: int, events: int) -> int:
         """The next size that has room for the events; the top for a design that needs none."""
+        # one beyond the last size: there a design is not tried any more
         top = len(self._ladder)
         if events == _FITS:
             return top
         for above in range(rung + 1, top):
             options = self._ladder[above]
             assert options is not None
+            # the largest size is tried in any case, as nothing but the march stands behind it
             if not options.may_grow or options.has_room(events, 0):
                 return above
         return top
@@ -120,7 +122,10 @@ def climbed(
 
 def _events_of(answer) -> int:
     """Events for which a solution that is a cycle or has one had no room; `_FITS` where it had."""
-    return int(events_without_room(_cycle_of(answer), answer.status))
+    cycle = _cycle_of(answer)
+    if not np.any(may_lack_room(cycle.status)) and not np.any(may_lack_room(answer.status)):
+        return _FITS
+    return int(events_without_room(cycle, answer.status))
 
 
 def _cycle_of(answer) -> Cycle:

@@ -34,6 +34,7 @@ def past_rings(
     viscosity = gap.viscosity
     if viscosity is None:
         fluid = case.cylinder.fluid
+        # the mean of both, so that the flow is the same seen from either end
         viscosities = [fluid.transport(gas.T, gas.rho)[0] for gas in (inside, behind)]
         viscosity = 0.5 * (viscosities[0] + viscosities[1])
     flow = gap.flow(side_of(inside), side_of(behind), case.bore, viscosity)
@@ -53,7 +54,7 @@ def with_ring_flow(
         angle: [rad] its crank angle.
         state: (n,) over its scales.
         gases: in the end and in the other one.
-        speed: [rad/s] of the crank, for rates in time; see `_balance.rates`.
+        speed: [rad/s] of the crank, for rates in time; see `_gas_balance.rates`.
 
     Returns:
         Rates of mass and temperature over their scales, and of mass and enthalpy that leave, in units
@@ -62,6 +63,7 @@ def with_ring_flow(
     inside, behind = gases
     flow, carried = past_rings(case, inside, behind)
     pace = case.speed_at(angle) if speed is None else case.speed
+    # this end leaks to the gas of the other one, which counts the same flow with the opposite sign
     mass_1 = -flow / pace
     energy_1 = inside.T * inside.dp_dT * mass_1 / inside.rho - inside.h * mass_1 - carried / pace
     heat_capacity = state[0] * case.mass_scale * inside.c_v
