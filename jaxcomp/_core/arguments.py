@@ -17,10 +17,12 @@ def listed_names(field: str, names: Any) -> Any:
     Raises:
         BadInput: a single text, or something else.
     """
+    # a text is a collection as well, of letters, each of which would be refused as a name
     if isinstance(names, str):
         raise BadInput(field, f'"{names}"', f'a list, ["{names}"]')
     if names is None:
         return None
+    # a quantity may be a function, and a single one needs no list
     entries = names if isinstance(names, Collection) else [names]
     if not all(isinstance(name, str) or callable(name) for name in entries):
         bound = 'a list of names, such as ["mechanical_efficiency"]'
@@ -62,6 +64,7 @@ def single_number(field: str, number: Any) -> Float[Array, ""]:
     """
     if isinstance(number, str):
         raise BadInput(field, f'"{number}"', "a number in SI units, as 0.05 for 50 mm")
+    # as an array, because a Python number would be compiled into every program that takes it
     value = jnp.asarray(number, dtype=jnp.result_type(float))
     if value.ndim:
         bound = "one number; for many designs at once map the function with `jax.vmap`"

@@ -136,6 +136,7 @@ def spelled(name: str) -> tuple[str, bool]:
 
 def is_temperature(name: str, unit: str) -> bool:
     """Whether a number is a temperature, and no difference of temperatures."""
+    # a number of a list ends with its place in it, as inlet_temperature.1
     return unit == "K" and re.sub(r"(\.\d+)+$", "", name).endswith(_TEMPERATURES)
 
 
@@ -155,6 +156,7 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
         return Shown(words, "", 1.0)
     if is_temperature(name, unit):
         kelvin = Shown(words, unit, 1.0, celsius=True)
+        # 32 °F at 273.15 K, carried back to 0 K
         fahrenheit = Shown(words, "°F", 1.8, 32 - 1.8 * ZERO_CELSIUS)
         return {"SI": kelvin, "US": fahrenheit}.get(system, kelvin.drawn)
     units = _UNITS
@@ -166,6 +168,8 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
     values = values[np.isfinite(values)]
     size = values.max() if values.size else 0.0
     for least, factor, name_of_unit in units.get(unit, ()):
+        # Zeros have no size to choose a unit by and stay in SI, but for angles and speeds, whose units
+        # do not go by size.
         if size >= least and (size or unit.startswith("rad")):
             return Shown(words, name_of_unit, factor)
     return Shown(words, unit, 1.0)
@@ -193,6 +197,7 @@ def vibration_unit(unit: str) -> tuple[str, float]:
 
 def axes_words(banks: Sequence[float]) -> str:
     """Names of the axes x and y of a machine, by the directions of its cylinders [rad]."""
+    # rounded, so that banks that differ in the last digits are one direction
     degrees = sorted({round(math.degrees(bank), 6) for bank in banks})
     if not any(degrees):
         return "x: along the cylinder towards the head; y: across."

@@ -96,6 +96,7 @@ def mapped(
     for places in groups.values():
         group_arguments = arguments
         if len(groups) > 1:
+            # in range, so that a program need not test the places, as JAX does without a mode
             take = partial(jnp.take, indices=np.array(places), axis=axis, mode="clip")
             group_arguments = jax.tree.map(take, arguments)
         in_axes = (0, *[axis] * len(group_arguments))
@@ -103,6 +104,7 @@ def mapped(
         group_values.append(batched(stacked([parts[place] for place in places]), *group_arguments))
     if len(groups) == 1:
         return group_values[0]
+    # from the order of the groups back to that of the parts
     order = np.argsort(list(chain.from_iterable(groups.values())))
 
     def in_order(*values):
@@ -138,6 +140,7 @@ class AbstractEach(Part):
         for number, law in enumerate(self.laws):
             if getattr(law, "of_whole_machine", False):
                 raise BadInput(f"laws.{number}", str(law.kind), "a law of one cylinder")
+            # a list would have a value for each cylinder of a law that only some of them follow
             for path, value in listed(law).items():
                 bound = "a single value: cylinders with other values have a law of their own"
                 raise BadInput(f"laws.{number}.{path}", value, bound)

@@ -29,6 +29,7 @@ def solve_small(
         column = lax.dynamic_index_in_dim(augmented, k, -1, keepdims=False)
         # -1 keeps a row from being chosen twice, also where what is left of the column is zero.
         best = jnp.argmax(jnp.where(free, jnp.abs(column), -1.0), axis=-1)
+        # by masks and sums: an index would be another one for each system of a batch
         is_pivot = rows == best[..., None]
         pivot = jnp.sum(jnp.where(is_pivot, column, 0.0), axis=-1, keepdims=True)
         row = jnp.sum(jnp.where(is_pivot[..., None], augmented, 0.0), axis=-2) / pivot
@@ -61,6 +62,7 @@ def solve_triangles(
     """
     rows = factors.shape[-1]
     if rows < _ROWS_OF_SUBSTITUTION or right.shape[-1] == 1:
+        # the ones on the diagonal of L are not stored: that of U stands there
         options = {"left_side": True, "lower": True, "unit_diagonal": True}
         half = lax.linalg.triangular_solve(factors, right, **options)
         return lax.linalg.triangular_solve(factors, half, left_side=True, lower=False)

@@ -21,6 +21,7 @@ class BadInput(ValueError):
         self.value = value
         self.bound = bound
         shown = value_text(value)
+        # "must be given, but is absent" would say it twice
         obvious = shown == "absent" and bound.startswith("given")
         but = f", but is {shown}" if shown and not obvious else ""
         super().__init__(f"`{field}` must be {bound}{but}.")
@@ -35,6 +36,7 @@ class MissingPart(BadInput):
 
     def __init__(self, quantity: str, part: str):
         super().__init__(quantity, "absent", part)
+        # Another message than that of `BadInput`, whose attributes stay for those who read them.
         self.args = (f"Quantity '{quantity}' needs {part}; this machine has none.",)
 
 

@@ -82,6 +82,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         if not (enabled and programs.keeps()):
             return compiled(*arguments, **named)
         template = tuple(_hole(leaf) or leaf for leaf in leaves)
+        # equality is enough here; the bytes of a key on disk are made once for each kind of arguments
         key = (structure, template, _settings())
         try:
             if key not in of_this_process:
@@ -120,12 +121,15 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
     holes = [leaf for leaf in template if isinstance(leaf, _Hole)]
     try:
         key = _pickled((function, structure.unflatten(template)), _KeyPickler)
+        # an address is another one in every process, and would make each key a new one
         key = f"{hashlib.sha256(key).hexdigest()} {_ADDRESS.sub('', str(_settings()))}"
         path = programs.place(key)
+        # flags of XLA change what it compiles, and nothing of what was traced
         compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
         if path is None or compiled_path is None:
             return None
 
+        # read or traced only if needed: what is kept compiled needs neither, but on another device
         @functools.cache
         def traced():
             entry = programs.read(path)
@@ -140,6 +144,7 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         stored = _read_compiled(compiled_path)
         if stored is None:
             result_template, run = traced()
+            # anew, even if it is there by its text: jaxlib 0.9 writes down half of what it has read
             with programs.kept_by_caller():
                 compiled = run.lower(*map(_like, holes)).compile()
             _write_compiled(compiled_path, result_template, compiled)
@@ -160,6 +165,7 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
             values = compiled(*numbers)
         except ValueError:  # arrays on another device
             values = traced()[1](*numbers)
+        # what is no array in a result follows from what is part of the key
         for place, value in zip(places, values, strict=True):
             filled[place] = value
         return out_structure.unflatten(filled)
@@ -192,6 +198,7 @@ def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
     result_template, text, *trees = pickle.loads(entry)
     if b"lapack" in text:
         _tell_of_lapack()
+    # compiled for the first device; for arrays on another one there is what was traced
     device = jax.devices()[:1]
     loaded = programs.loaded(
         path, lambda: serialize_executable.deserialize_and_load(text, *trees, None, device)
@@ -223,6 +230,7 @@ def _traced(function: Callable, template: tuple, structure: Any, path: Path) -> 
 
 def _traced_hole(leaf: Any) -> _Hole | None:
     if eqx.is_array(leaf):
+        # what a program returns that was written down is strongly typed
         return _Hole(leaf.shape, leaf.dtype.str, False)
     return _hole(leaf)
 
@@ -261,6 +269,7 @@ class _KeyPickler(_Pickler):
         if not isinstance(value, FunctionType):
             return reduced
         contents = [cell.cell_contents for cell in value.__closure__ or ()]
+        # lambdas of one function have one name: the line tells them apart
         place = (value.__module__, value.__qualname__, value.__code__.co_firstlineno)
         return tuple, ((*place, contents, value.__defaults__, value.__kwdefaults__),)
 
@@ -269,4 +278,5 @@ def _settings() -> tuple[Any, ...]:
     """Settings of JAX on which a traced program depends."""
     from jax._src import config
 
+    # what JAX itself tells its traces apart by; there is no public name for it
     return *config.trace_context(), jax.default_backend()

@@ -26,6 +26,7 @@ def import_extensions() -> None:
         try:
             entry.load()
         except Exception as error:
+            # the next call raises as well, instead of going on without these parts
             _state["imported"] = False
             raise ExtensionError(_problem(entry, error)) from error
 

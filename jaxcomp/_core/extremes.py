@@ -24,9 +24,11 @@ def _of_two(choose: Callable, is_first: Callable) -> Callable:
 
     @extreme.defjvp
     def _(primals, tangents):
+        # by the function itself, so that derivatives of the next order follow this rule as well
         return extreme(*primals), jnp.where(is_first(*primals), *tangents)
 
     def of_numbers(a: ArrayLike, b: ArrayLike) -> Array:
+        # both of one type before the rule, whose tangents have to be of the type of the result
         dtype = jnp.result_type(a, b)
         if not jnp.issubdtype(dtype, jnp.floating):
             return choose(a, b)
@@ -49,6 +51,7 @@ def _of_many(choose: Callable, place_of: Callable) -> Callable:
         return extreme(values, axis), _at_place(tangent, place_of(values, axis), axis)
 
     def of_array(values: Array, axis: int | None) -> Array:
+        # integers have no derivatives; their tangents are of a type in which no place is looked up
         if not jnp.issubdtype(values.dtype, jnp.floating):
             return choose(values, axis)
         return extreme(values, axis)
@@ -59,6 +62,7 @@ def _of_many(choose: Callable, place_of: Callable) -> Callable:
 def _at_place(tangent, place, axis: int | None):
     """The tangent at a place along an axis."""
     if axis is None:
+        # without an axis the place counts through the array row by row
         return tangent.ravel()[place]
     return jnp.take_along_axis(tangent, jnp.expand_dims(place, axis), axis).squeeze(axis)
 
@@ -97,6 +101,7 @@ def clip(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
         low: the lower bound.
         high: the upper bound, which decides where it is below the other.
     """
+    # the number first in both: on a bound the derivative is its own, and not that of the bound
     return minimum(maximum(x, low), high)
 
 

@@ -43,6 +43,7 @@ class Bound(NamedTuple):
 
     @property
     def _ends(self) -> tuple[Any, Any]:
+        # the ends are clipped, so that infinity lies outside of a bound that is open to that side
         def within(end):  # one that depends on other numbers of a machine may be traced
             return end if isinstance(end, Array) else np.clip(end, -LARGEST, LARGEST)
 
@@ -103,6 +104,7 @@ def plausible(bound: Bound, unit: str, usual: tuple[float, float] | None) -> Bou
     """
     if unit != "m" or usual is None or usual[1] < 0.5:
         return bound
+    # ten times leaves room for large machines: millimetres are wrong by a thousand
     return bound._replace(high=min(bound.high, 10 * usual[1]), high_open=False)
 
 
@@ -146,6 +148,7 @@ def quantity(
 
 def names_with_value(frozen: _Class) -> _Class:
     """A class whose fields stay as they are, and that says how another value is given."""
+    # when a field may be set is still decided there; only the refusal gets other words
     refuse = frozen.__setattr__
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -315,6 +318,7 @@ def at(tree: Any, path: str | Sequence[str]) -> Any:
 
 def admissible(tree: Part) -> Bool[Array, ""]:
     """Whether every value is inside its bound and every rule holds; for traced values too."""
+    # an array, because Python does not know the truth of a traced value
     good = jnp.asarray(True)
     values: dict[Bound, list[Array]] = {}
     for _, part in subparts(tree):
@@ -344,11 +348,13 @@ def clipped(tree: _Tree) -> _Tree:
     for field in dataclasses.fields(tree):
         value = getattr(tree, field.name)
         if isinstance(value, Part | tuple):
+            # names and numbers of the structure, for which there is no bound
             if field.metadata.get("static"):
                 continue
             changes[field.name] = clipped(value)
         elif "unit" in field.metadata and value is not None:
             changes[field.name] = field.metadata["bound"].clip(value)
+    # bounds first: a rule between fields compares numbers that lie within theirs
     return replaced(tree, **changes).repaired()  # pyright: ignore[reportReturnType]
 
 
@@ -368,6 +374,7 @@ def replaced(part: _Tree, **changes) -> _Tree:
 
 def rebuilt(part: _Tree, **changes) -> _Tree:
     """A copy with other fields, of other types as well, made as JAX makes one from its leaves."""
+    # no constructor, which would check values that have been checked or are traced
     new = object.__new__(type(part))
     for field in dataclasses.fields(part):  # pyright: ignore[reportArgumentType]
         value = changes.get(field.name, getattr(part, field.name))
@@ -388,6 +395,7 @@ def _outside(
         allowed += _in_metres(np.asarray(value), declared["bound"], bound)
     if not listed:
         return BadInput(name, value, allowed)
+    # the first false one: false sorts before true
     place = int(np.argmin(bound.inside(np.asarray(value))))
     return BadInput(name, value[place], f"{allowed} in cylinder {place + 1}")
 
@@ -429,6 +437,7 @@ def strongly_typed(leaf: Any) -> Any:
     `jnp.asarray(0.04)` is weakly typed, and programs of their own are compiled for weak types: a field
     set to it would have a whole solution compiled anew.
     """
+    # of a traced one no program of its own is compiled
     if isinstance(leaf, jax.Array) and not is_traced(leaf) and leaf.weak_type:
         return jnp.asarray(leaf, leaf.dtype)
     return leaf

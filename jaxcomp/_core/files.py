@@ -13,6 +13,7 @@ def regular(path) -> Path:
         OSError: it does.
     """
     path = Path(path)
+    # folders pass: to open one raises with a message of its own
     if path.exists() and not path.is_file() and not path.is_dir():
         why = "It is a pipe or a device; write what comes out into a file and name that"
         raise OSError(errno.EINVAL, why, str(path))
@@ -28,6 +29,7 @@ def write_whole(file: str | Path, content: bytes) -> None:
         OSError: it cannot be written. It names the file.
     """
     file = Path(file)
+    # in the same folder, because a file is not renamed from one file system to another
     aside = file.with_name(f".{file.name}.part")
     try:
         with removed_when_stopped(aside):

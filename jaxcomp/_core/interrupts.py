@@ -79,6 +79,7 @@ def ends_when_interrupted() -> Iterator[None]:
         if signal.getsignal(number) != signal.SIG_IGN
     }
     reading, writing = os.pipe()
+    # Python writes the signal's number here: a full pipe must not hold up what was interrupted
     if hasattr(os, "set_blocking"):
         os.set_blocking(writing, False)
 
@@ -87,6 +88,7 @@ def ends_when_interrupted() -> Iterator[None]:
         while number not in heard:
             number = os.read(reading, 1)[0]
         _state["interrupted"] = heard[number]
+        # the main thread ends the process within this time, if it comes between two steps at all
         time.sleep(_GRACE)
         _leave(flush=False)  # the main thread may hold the streams
 
@@ -114,6 +116,7 @@ def ends_when_interrupted() -> Iterator[None]:
 def _interrupted(number: int, frame: FrameType | None) -> None:
     """Handle the signal between two steps of the main thread."""
     _state["interrupted"] = _HEARD[signal.Signals(number)]
+    # an exception within an import of NumPy or JAX would leave half of it behind
     if not _state["raised"] or _imports(frame):
         _leave()
     raise KeyboardInterrupt
@@ -136,6 +139,7 @@ def _leave(flush: bool = True) -> None:
         with suppress(OSError):
             os.unlink(name)
     with suppress(OSError):
+        # by the system's own call: the streams of Python may be locked by what the signal interrupted
         words = say_stopped()
         text = f"{words}\n" if words else ""
         if os.isatty(2):

@@ -49,6 +49,7 @@ def units_table(text: str) -> Table:
     """The table of a text."""
     table: dict[str, Any] = {}
     for line in text.split("\n"):
+        # a line without a place names keys of the result itself
         places, colon, groups = line.strip().rpartition(":")
         for place in places.split("|"):
             entries = table
@@ -93,6 +94,7 @@ class _Keyed:
     def __init__(self, result: dict[str, Any]):
         self.root = result
         self.named = {}
+        # a part that has a name and a unit tells the unit of that name wherever else it stands
         for value in result.values():
             entries = value if isinstance(value, list | tuple) else [value]
             for entry in entries:
@@ -138,6 +140,7 @@ class _Keyed:
 
     @staticmethod
     def _key(key: str, unit: str, value: Any) -> str:
+        # a truth value or a word has no unit, also under a key that may hold a number
         if unit and not isinstance(value, bool | str):
             return f"{key} [{unit}]"
         return key
@@ -151,6 +154,7 @@ def plain(value: Any) -> Any:
     """
     if hasattr(value, "nested"):
         return _OfResult(plain(value.nested()), value.units_of_nested())
+    # before lists and tuples: one with named fields is a tuple as well
     if hasattr(value, "_asdict"):
         value = value._asdict()
     if isinstance(value, dict):
@@ -158,6 +162,7 @@ def plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     if hasattr(value, "tolist"):
+        # once more, for complex numbers and those that are not finite
         return plain(value.tolist())
     if isinstance(value, complex):
         value = abs(value)
@@ -181,6 +186,7 @@ def fields_of(result: Any, *names: str) -> dict[str, Any]:
 
 # ------------------------------------------------------------------- schema
 def _any_depth(name: str, schema: dict[str, Any]) -> dict[str, Any]:
+    # by a reference to itself, for lists in lists and tables in tables to any depth
     reference = {"$ref": f"#/$defs/{name}"}
     lists = {"type": "array", "items": reference}
     return {"anyOf": [schema, lists, {"type": "object", "additionalProperties": reference}]}
@@ -207,6 +213,7 @@ def schema_of(table: Table) -> dict[str, Any]:
             key_is = key
             schema = {"anyOf": [inner, _WORDS]}
         elif entry in OF_THE_WHOLE:
+            # the unit is known with the result only: any of them, or none
             patterns[rf"^{key}( \[.+\])?$"] = _NUMBERS | {
                 "description": f"in the unit of `{entry}`"
             }

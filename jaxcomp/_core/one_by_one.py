@@ -19,6 +19,7 @@ def one_by_one(function: Callable[..., Answer], *arguments) -> Answer:
         function: of all that depends on the sample; what it is closed over must not.
         arguments: trees of arrays and of what is no array.
     """
+    # the rule for batches takes arrays alone; the others are closed over, as they are the same for all
     arrays, static_part = eqx.partition(arguments, eqx.is_array)
 
     @jax.custom_batching.sequential_vmap

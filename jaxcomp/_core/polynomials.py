@@ -31,6 +31,7 @@ class Rule(NamedTuple):
         Without derivatives to the places.
         """
         diagonal = np.eye(self.nodes.size, dtype=bool)
+        # products instead of the barycentric form, which divides by zero where a place is a node
         between = 1 / np.prod(np.where(diagonal, 1.0, self.nodes[:, None] - self.nodes), axis=-1)
         away = clip(lax.stop_gradient(x), 0.0, 1.0)[..., None, None] - self.nodes
         return between * jnp.prod(jnp.where(diagonal, 1.0, away), axis=-1)
@@ -61,6 +62,7 @@ def gauss(count: int) -> Rule:
     """The rule with so many nodes."""
     x, w = legendre.leggauss(count)
     coefficients = np.linalg.inv(legendre.legvander(x, count - 1))
+    # integrals from the left end; the rule of NumPy is on [-1, 1], twice as wide as a panel
     primitive = np.stack([legendre.legint(c, lbnd=-1) for c in coefficients.T], axis=1)
     integral = legendre.legvander(x, count) @ primitive
     return Rule((x + 1) / 2, w / 2, integral / 2, coefficients)
@@ -99,6 +101,9 @@ def quintic_step(t, width, ends, slopes, bends):
     begin, end = ends
     begin_slope, end_slope = slopes
     begin_bend, end_bend = bends
+    # 1 + 3 t + 6 t^2 begins the series of (1 - t)^-3, which the factor s^3 of the result takes off
+    # again: value, slope and second derivative at this end stay as they are, at the other end all three
+    # are zero.
     near_slope = begin_slope * (1 + 3 * t) + width * t * begin_bend / 2
     near = begin * (1 + 3 * t + 6 * t**2) + width * t * near_slope
     far_slope = end_slope * (1 + 3 * s) - width * s * end_bend / 2
@@ -113,6 +118,7 @@ def cubics(
     slopes: Float[Array, " n"],
 ) -> Float[Array, "*m"]:
     """Value at x of the cubics between points with these slopes; those at the ends go on beyond."""
+    # a point on a knot belongs to the interval that begins there; the outer ones go on
     interval = clip(jnp.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)
     width = knots[interval + 1] - knots[interval]
     t = (x - knots[interval]) / width

@@ -32,6 +32,7 @@ def _lines(tree: Any, name: str, indent: str = "") -> Iterator[str]:
         children = tree
     elif isinstance(tree, tuple):
         children = dict(enumerate(tree))
+    # names and numbers in a tuple stand in one line, parts below each other
     if any(map(dataclasses.is_dataclass, children.values())):
         yield head.rstrip()
         for key, value in children.items():
@@ -53,6 +54,7 @@ def _values_text(name: str, unit: str, values: np.ndarray) -> str:
 
 def printed(tree: Any) -> str:
     """A part, or a tree of parts such as a machine, with values and units."""
+    # within a program values are symbols, with a shape and a type to print and no number
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree)):
         return eqx.tree_pformat(tree)
     return "\n".join(_lines(tree, ""))

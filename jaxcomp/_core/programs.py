@@ -103,6 +103,7 @@ def keep_programs() -> None:
     from jax._src import compiler
 
     remember_in(_usable_root)
+    # JAX takes no cache of others: its function is replaced, as long as it takes these arguments
     compile_one = compiler.compile_or_get_cached
     if list(inspect.signature(compile_one).parameters)[:5] == _ARGUMENTS:
         compiler.compile_or_get_cached = functools.partial(_compiled, compile_one)
@@ -138,6 +139,7 @@ def _compiled(
     path = None
     by_caller = _by_caller.get()
     if of_package and not callbacks and not by_caller:
+        # a program that calls back into Python holds the addresses of this process, and is not kept
         path = _path(computation, devices, options, backend)
     if path is not None and (entry := read(path)):
         to = further[0] if further else named["executable_devices"]
@@ -212,6 +214,7 @@ def _has_ended_a_process(path: Path) -> bool:
     """Whether a process that loaded an entry is gone without having finished."""
     try:
         process = int(path.with_suffix(_LOADING).read_text() or 0)
+        # signal 0 asks whether the process is there, and does nothing to it
         if process and hasattr(os, "geteuid"):  # Windows has no such question
             os.kill(process, 0)
     except ProcessLookupError:
@@ -294,6 +297,7 @@ def _refused(folder: Path) -> str:
 def _untrusted(status: os.stat_result, is_kind: Callable[[int], bool]) -> str:
     if not is_kind(status.st_mode):
         return "is of another kind"
+    # a program that others can change would run with the rights of this user
     if hasattr(os, "geteuid"):  # folders in a profile of Windows are closed to others
         if status.st_uid != os.geteuid():
             return "belongs to somebody else"
@@ -310,6 +314,7 @@ def _build() -> str:
     parts = [sys.version, platform.platform(), _processor()]
     parts += [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
     digest = hashlib.sha256("\n".join(parts).encode())
+    # all sources: any of them may have been traced, and a program does not say which
     for path in sorted(_PACKAGE.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:32]
@@ -333,6 +338,7 @@ def read(path: Path) -> bytes | None:
         _remove(path)
         return None
     try:
+        # What is checked is the open file and not its name, which may lead to another one by then.
         with open(os.open(path, flags), "rb") as file:
             if _untrusted(os.fstat(file.fileno()), stat.S_ISREG):
                 return None
@@ -379,6 +385,7 @@ def _make_room(root: Path) -> None:
     """Remove what was read longest ago, until the rest has room, and what was left half written."""
     size = 0
     old = time.time() - _ABANDONED
+    # the newest first, so that the sum passes the limit at those that were read longest ago
     for path, status in sorted(_files(root), key=lambda entry: -entry[1].st_mtime):
         size += status.st_size
         if size > _LIMIT or (path.suffix != _ENTRY and status.st_mtime < old):

@@ -123,6 +123,7 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         size: [bytes] of its text.
         cached: whether later processes find it compiled.
     """
+    # the words alone are made one at a time: programs compile side by side
     with _Compiles.lock:
         text = _words_before(size, cached)
     status = _Compiles.status
@@ -151,6 +152,7 @@ def _words_before(size: int, cached: bool) -> str:
     seconds = seconds_of(size, waits)
     if seconds < _AFTER:
         return ""
+    # what was told of all programs of the task covers this one
     if _Compiles.total:
         return _Compiles.total
     text, is_total = _forecast(size, seconds, before, waits)
@@ -301,6 +303,7 @@ class Progress:
         self._text = text or self._text
         instant = time.monotonic()
         mark = (instant - compile_time.seconds, finished)
+        # other work begins, of whose pace the pieces so far say nothing
         if finished < self._last[1]:
             self._start = (self._last[0], 0)
             self._first = None
@@ -311,6 +314,7 @@ class Progress:
         remaining = ""
         at_most = "at most " if is_limit else ""
         if self._total and finished > before:
+            # compiling counts when it ends, and may have begun before these pieces: below zero then
             seconds = (self._total - finished) * max(mark[0] - begun, 0.0) / (finished - before)
             # what rounds to nothing is left out: after the first piece it may be compiling alone
             if seconds >= 0.5:
@@ -349,6 +353,7 @@ def progress_of(
 
     console = Console(stderr=True)
     if not show or not shows_waits():
+        # told in the far future, so that there is never a line
         yield Progress(text, total, finished, unit, told_at=float("inf"))
     elif not console.is_terminal:
         yield Progress(text, total, finished, unit)

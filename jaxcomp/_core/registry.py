@@ -92,6 +92,7 @@ class Quantity(NamedTuple):
         """
         compressor = machine.compressor
         gas = getattr(compressor, "gas", None)
+        # By attributes and not by classes: this module must not import those, as they import JAX.
         has = {
             "compressor": compressor is not None,
             "valves": hasattr(gas, "suction_valve"),
@@ -107,6 +108,7 @@ class Quantity(NamedTuple):
             "motor.losses": getattr(getattr(compressor, "motor", None), "losses", None) is not None,
         }
         for section in self.sections:
+            # what is no attribute of the compressor is a section of the machine file
             if not has.get(section, section in machine.parts):
                 return _WORDS.get(section, f"a section [{section}]")
         return ""
@@ -156,6 +158,7 @@ _BUILT_IN = (
              lambda r: r.orbit.mechanical_efficiency, percent=True),
     Quantity("motor_power", "W", "less", "Mean power at the shaft.",
              lambda r: r.orbit.motor_power, words="Shaft power"),
+    # Neither more nor less is better: it is what the machine is for.
     Quantity("gas_power", "W", "", "Indicated power: mean power that the piston gives to the gas.",
              lambda r: r.orbit.gas_power),
     Quantity("friction_power", "W", "less", "Mean friction power of all joints together.",
@@ -186,6 +189,7 @@ _BUILT_IN = (
              lambda r: r.delivered.mass_flow, (*_SIMPLE, "gas.inlet_temperature")),
     Quantity("delivery_temperature", "K", "less", "Of the gas after polytropic compression.",
              lambda r: r.delivered.temperature, (*_SIMPLE, "gas.inlet_temperature")),
+    # Names of members by the machine alone spare a trace of its solution.
     Quantity("stage_pressure.<stage>", "Pa", "", "Behind a stage, before the next one.",
              lambda r: r.delivered.stage_pressures, (*_SIMPLE, "gas.stages"),
              members=_between_stages),
@@ -203,6 +207,7 @@ _BUILT_IN = (
     Quantity("shaking_couple.<order>", "N m", "less",
              "Amplitude of the shaking moment across the shaft at an order, along its long axis.",
              lambda r: r.shaking_couple, ("orbit", "compressor")),
+    # Of journals whose film gives a position; a law by a coefficient of friction has none.
     Quantity("film_thickness.<journal>", "m", "more", "Smallest oil film of a journal.",
              lambda r: {name: film.minimum_film for name, film in r.journals.items()}, _JOURNALS),
     Quantity("least_film", "m", "more", "Smallest oil film of all journals.",
@@ -294,6 +299,7 @@ _BUILT_IN = (
     Quantity("shaking.<run>", "N", "less",
              "Amplitude of the force along a straight run of pipe or a vessel, by order.",
              lambda r: r.orbit.cycle.pulsation.shaking_forces, (*_CYCLE, "piping.runs")),
+    # Without the cycle: with shut flanges the pipes have natural frequencies of their own.
     Quantity("resonance.<number>", "Hz", "",
              "Natural frequency of the pipes, flanges shut: the lowest of a line, from 1.",
              lambda r: {f"{name}.frequency": of.frequency for name, of in r.resonances.items()},
@@ -340,6 +346,7 @@ def registered_quantity(name: str) -> Quantity | None:
     import_extensions()
     if name in _registered:
         return _registered[name]
+    # a member is found by its family; whether the machine has it shows with the values
     family, _, member = name.partition(".")
     if not member:
         return None
@@ -386,6 +393,7 @@ class _ExternalFunction:
         except (BadInput, SolveFailed):  # of the machine
             raise
         except Exception as error:
+            # the first line alone: messages of JAX go on for pages
             first, *_ = str(error).strip().splitlines() or [""]
             raise QuantityFailed(
                 self.name, self.place, f"{type(error).__name__}: {first}"
@@ -414,6 +422,7 @@ def _no_number(value: Any) -> str:
     """Reason why a value is not one real number, in words; "" if it is one."""
     if isinstance(value, bool | int | float):
         return ""
+    # no number is looked at, so that traced values pass the check as well
     shape = getattr(value, "shape", None)
     kind = getattr(getattr(value, "dtype", None), "kind", "")
     if shape is None or kind not in "biuf":
@@ -506,6 +515,7 @@ def register_quantity(
     if not callable(value):
         form = "a function of the results, such as lambda r: r.orbit.mean_speed"
         raise BadInput("value", str(value), form)
+    # a single word, which as a tuple would become its letters
     needs = (needs,) if isinstance(needs, str) else tuple(needs)
     for word in needs:
         if word not in NEEDS:
@@ -517,5 +527,6 @@ def register_quantity(
     _registered[name] = Quantity(
         name, unit, better, doc, _ExternalFunction(name, value), needs, percent
     )
+    # the new function may fail as well, which is told again
     _reported.discard(name)
     return _registered[name]

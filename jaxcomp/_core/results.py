@@ -173,6 +173,7 @@ class Result:
     def to_json(self) -> str:
         """The text that a command prints with `--json`: `nested`, with the SI unit in each key."""
         keyed = with_units(plain(self.nested()), self.units_of_nested())
+        # JSON has no NaN: `plain` has replaced it, and one that it missed raises here
         return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=False)
 
     def to_pandas(self) -> "pandas.DataFrame":
@@ -213,6 +214,7 @@ class Result:
                 larger than `load_result` reads.
         """
         arrays: list[np.ndarray] = []
+        # the structure is a text, so that reading a file needs no pickle, which could run code
         head = {"format": _FORMAT, "version": version(_PACKAGE), "result": to_json(self, arrays)}
         members = {f"array_{n}": values for n, values in enumerate(arrays)}
         size = sum(values.nbytes for values in arrays)
@@ -255,6 +257,7 @@ class Result:
         if isinstance(status, str):
             words["status"] = status
         elif isinstance(status, eqx.Enumeration) or type(status).__name__ == "EnumerationItem":
+            # by name as well, because equinox does not offer the class of these items
             converged = np.asarray(status == Status.converged)
             if converged.ndim:
                 words["status"] = f"{converged.sum()} of {converged.size} designs converged"
@@ -272,6 +275,7 @@ class Result:
         for data in self._checked():
             values = np.asarray(data.values)
             shape = f" ({', '.join(map(str, values.shape))})" if values.ndim else ""
+            # words, counts and truth values: each that occurs, once
             if values.dtype.kind not in "fc":
                 text = ", ".join(dict.fromkeys(map(str, values.ravel())))
                 if len(text) >= 60:
@@ -280,6 +284,7 @@ class Result:
                 continue
             size = np.abs(values) if np.iscomplexobj(values) else values
             look = shown(data.name, data.unit, size)
+            # gaps of a curve are not numbers, and must not hide its range
             good = size[np.isfinite(size)]
             if not good.size:
                 yield look.words, "not known" + shape
@@ -308,6 +313,7 @@ class Plots:
         kind = type(self._result)
         for name, function in plot.drawings().items():
             for parameter in inspect.signature(function).parameters.values():
+                # a function that draws several kinds of results has a union of them
                 if kind in (parameter.annotation, *get_args(parameter.annotation)):
                     functions[name] = function, parameter.name
         return functions
@@ -320,6 +326,7 @@ class Plots:
                 f"it has {', '.join(sorted(functions))}"
             )
         function, place = functions[name]
+        # what is passed by position fills the other parameters in their order
         parameters = [p for p in inspect.signature(function).parameters if p != place]
 
         def draw(*positional, **options):
@@ -360,6 +367,7 @@ def load_result(path: str | Path) -> Any:
         written = str(head["version"])
         content = head["result"]
     except BadInput:
+        # of a file that is too large, which says more than the line below
         raise
     except Exception:  # whatever numpy, zipfile and json make of damaged bytes
         raise BadInput("path", str(path), "a file that `save` of a result wrote") from None
@@ -403,6 +411,7 @@ def csv_text(columns: dict[str, Any]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     writer.writerows(
+        # Python's numbers, whose shortest text gives the same bits again
         zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
     )
     return text.getvalue()

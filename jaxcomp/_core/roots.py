@@ -100,6 +100,7 @@ class AbstractRoot(eqx.Module):
 
     def newton_correction(self, unknowns, residual) -> Any:
         """Change of the unknowns that removes a small residual, of equations that are independent."""
+        # independent equations have a diagonal matrix, all of which one tangent of ones gives
         return -residual / jax.jvp(self.residual, (unknowns,), (jnp.ones_like(unknowns),))[1]
 
 
@@ -299,6 +300,7 @@ def mix(
     Returns:
         What the last step gave, the data of it, and how it ended.
     """
+    # room for all steps from the beginning, because what a loop carries keeps its shape
     changes = jnp.stack([jnp.zeros_like(sampled(start))] * _DEPTH)
     outputs = jax.tree.map(lambda leaf: jnp.stack([leaf] * _DEPTH), start)
 

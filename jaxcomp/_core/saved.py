@@ -36,6 +36,7 @@ def to_json(value: Any, arrays: list[np.ndarray]) -> Any:
         return {kind: f"array_{len(arrays) - 1}"}
     if isinstance(value, type) or inspect.isfunction(value):
         raise BadInput("result", value.__qualname__, "without functions of the user, to be saved")
+    # by name, as equinox does not offer the class
     if type(value).__name__ == "EnumerationItem":
         return {"status": to_json(value._value, arrays)}
     if isinstance(value, tuple) and not hasattr(value, "_fields"):
@@ -43,6 +44,7 @@ def to_json(value: Any, arrays: list[np.ndarray]) -> Any:
     if isinstance(value, list):
         return {"list": [to_json(entry, arrays) for entry in value]}
     if isinstance(value, dict):
+        # pairs, because a key of JSON is a text
         return {"dict": [[to_json(k, arrays), to_json(v, arrays)] for k, v in value.items()]}
     if not _field_names(type(value)):
         raise BadInput(
@@ -67,6 +69,7 @@ def from_json(document: Any, arrays: dict[str, np.ndarray]) -> Any:
         return document
     if "class" in document:
         return _object(class_at(document["class"]), document["fields"], arrays)
+    # exactly one entry: another structure than `to_json` writes is told as damaged
     ((kind, content),) = document.items()
     if kind == "numpy":
         return arrays[content]
@@ -74,6 +77,7 @@ def from_json(document: Any, arrays: dict[str, np.ndarray]) -> Any:
         return jnp.asarray(arrays[content])
     if kind == "status":
         value = from_json(content, arrays)
+        # a code that no outcome has would fail much later, where its words are looked up
         if np.asarray(value).dtype.kind not in "iu" or np.any((value < 0) | (value >= len(Status))):
             raise ValueError(content)
         return eqx.tree_at(lambda s: s._value, Status.converged, value)
@@ -89,6 +93,7 @@ def from_json(document: Any, arrays: dict[str, np.ndarray]) -> Any:
 def _object(kind: type, fields: dict[str, Any], arrays: dict[str, np.ndarray]) -> Any:
     values = {name: from_json(value, arrays) for name, value in fields.items()}
     names = _field_names(kind)
+    # a field that the file lacks may have a default; one that the class lacks is of another version
     for name in {*values} ^ {*names}:
         if name in values or not hasattr(kind, name):
             raise UnknownClass(f"{kind.__name__}.{name}")

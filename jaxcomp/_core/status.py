@@ -102,6 +102,7 @@ def names_of_codes(
         codes: of `Status`, or `UNNAMED`.
         names: by code, of the version that made the codes; those of this one if absent.
     """
+    # the code -1 is the last word
     words = np.asarray([*(names or status_names()), "failed"])
     return words[np.asarray(codes, int)]
 
@@ -166,6 +167,7 @@ def raise_at_run_time(status, failed, details: Callable[..., str], *numbers) -> 
     def check(value, failed, *numbers):
         if not failed:
             return
+        # one error for a batch: that of the highest code
         worst = np.asarray(np.max(value), np.int32)
         outcome = eqx.tree_at(lambda s: s._value, Status.converged, worst)
         raise SolveFailed(outcome, details(*numbers))

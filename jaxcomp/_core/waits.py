@@ -69,6 +69,7 @@ def remember(folder: Path, wait: Wait) -> None:
     different = [earlier for earlier in earlier_waits(folder) if not _is_alike(earlier, wait)]
     rows = [list(row) for row in [*different, wait][-_MOST:]]
     with contextlib.suppress(OSError):  # no room, or nothing may be written
+        # written aside and renamed: other processes read the file at any moment
         handle, aside = tempfile.mkstemp(".aside", dir=folder)
         with open(handle, "w", encoding="utf-8") as file:
             json.dump(rows, file)
@@ -80,6 +81,7 @@ def seconds_of(size: int, waits: Iterable[Wait]) -> float:
     measured = list(waits)
     if not measured:
         return size * _PER_BYTE
+    # of the sums and not a mean of ratios: long programs are what somebody waits for
     return size * sum(wait.seconds for wait in measured) / sum(wait.size for wait in measured)
 
 

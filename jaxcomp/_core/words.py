@@ -31,6 +31,7 @@ def nearest(word: str, choices: Iterable[str]) -> str | None:
     Without regard to case: "COP" is "cop". The first words of a dotted name stand for it if only one name
     begins so: "impact_speed" for "impact_speed.<contact>".
     """
+    # of names that differ in their case alone the first in order is written last, and stays
     names = {name.lower(): name for name in sorted(choices, reverse=True)}
     lowered = word.lower()
     if lowered in names:

@@ -77,6 +77,7 @@ def amplitude_influence(
         raise BadInput("amplitudes", amplitudes[0], "> 0 in the first run")
     _check_positions(weights[1:], planes)
     solutions = []
+    # reading by reading: the coefficients of one are in no amplitude of another
     for column in amplitudes.T:
         solutions.append(_solutions(column, weights[1:]))
     count = math.prod(len(each) for each in solutions)
@@ -105,6 +106,7 @@ def amplitude_influence(
 
 def _rank(system: Influence) -> tuple[float, float]:
     """Vibration that a system leaves, to a millionth, and its misfit."""
+    # rounded, so that the misfit decides between systems that all leave nothing
     improvement = round(float(least_squares(system).improvement), 6)
     misfit = np.zeros(1) if system.misfit is None else np.asarray(system.misfit)
     return improvement, float(np.linalg.norm(misfit / np.abs(system.initial)))
@@ -155,6 +157,7 @@ def _amplitude(initial, weights, coefficients) -> tuple[np.ndarray, np.ndarray]:
     vibration = initial + coefficients @ weights.T
     size = np.abs(vibration)
     # d|v| = Re[conj(v/|v|) U dH]: its real part by Re H, minus its imaginary part by Im H.
+    # A vibration of zero has no direction: its row is zero instead of no number.
     direction = vibration / np.maximum(size, 1e-300)
     turned = np.conj(direction)[..., None] * weights
     return size, np.concatenate([turned.real, -turned.imag], axis=-1)
@@ -189,6 +192,7 @@ def _starts(planes: int) -> np.ndarray:
     coefficients = np.outer(_SIZES, phases).ravel()
     if coefficients.size**planes <= _MOST_STARTS:
         return np.array(list(itertools.product(coefficients, repeat=planes)))
+    # all combinations of three planes are too many; the draw is the same every time
     return np.random.default_rng(0).choice(coefficients, (_MOST_STARTS, planes))
 
 
@@ -202,6 +206,7 @@ def _descended(read, weights, x) -> tuple[np.ndarray, np.ndarray]:
     size, jacobian = _amplitude(1.0, weights, x)
     misfit = np.sum((size - read) ** 2, axis=1)
     for _ in range(_STEPS):
+        # J^T r and J^T J of every start s, over the runs k; p and q are the real unknowns
         gradient = np.einsum("skp,sk->sp", jacobian, size - read)
         normal = np.einsum("skp,skq->spq", jacobian, jacobian)
         normal = normal + damping[:, None, None] * np.eye(2 * planes)
@@ -218,6 +223,7 @@ def _descended(read, weights, x) -> tuple[np.ndarray, np.ndarray]:
         damping = np.clip(np.where(better, damping / 10, damping * 5), 1e-15, 1e6)
     # The step that Gauss and Newton would still take says which descents have come to their end.
     gradient = np.einsum("skp,sk->sp", jacobian, size - read)
+    # A trace of damping, because the matrix is singular where two mirror images touch.
     normal = np.einsum("skp,skq->spq", jacobian, jacobian) + 1e-14 * np.eye(2 * planes)
     step = np.linalg.norm(np.linalg.solve(normal, gradient[..., None])[..., 0], axis=1)
     ended = step <= _ENDED * np.linalg.norm(x, axis=1)

@@ -35,6 +35,7 @@ def balance(
         failure = Status.converged
     finite = jnp.all(jnp.isfinite(correction)) & jnp.isfinite(objective)
     status = Status.where(finite, failure, Status.bad_input)
+    # all of them: the numbers of the other planes were found with the one that is none
     correction = jnp.where(finite, correction, jnp.nan)
     return Balance(influence, correction, objective, bound, method, status, scale, weights=weights)
 
@@ -106,6 +107,7 @@ class Balance(Result, eqx.Module):
         unit = self.influence.unit
         trial = self.influence.trial
         for number, plane in enumerate(self.influence.planes):
+            # many systems at once have their axis in front of that of the planes
             yield Data(f"correction.{plane}", trial, self.correction[..., number])
         yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
         yield Data("condition", "", self.condition)
@@ -146,6 +148,7 @@ class Balance(Result, eqx.Module):
                 mass=mass,
             ),
             "rows": records(
+                # the labels transposed into columns, as `records` takes them
                 **dict(zip(InfluenceRow._fields, zip(*part.rows, strict=True), strict=True)),
                 weight=part.weight,
                 before=np.abs(before),
@@ -174,6 +177,7 @@ class Balance(Result, eqx.Module):
                 mass=weights.mass,
                 removed=weights.removed,
             ),
+            # a search for places ends converged where its bound has met its objective, and only there
             "certified": bool(self.converged),
         }
 
@@ -237,6 +241,7 @@ class Balance(Result, eqx.Module):
         """[-] How far above its bound the objective lies, relative to `scale`."""
         scale = self.scale
         if scale is None:
+            # the vibration before; a sum of masses, which is none, brings a scale of its own
             scale = jnp.linalg.norm(self.influence.weighted[1])
         return _share(self.objective - self.bound, scale)
 

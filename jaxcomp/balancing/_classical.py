@@ -81,6 +81,7 @@ def rigid_balance(
     second = jnp.asarray(places[planes[1]], float)
     if planes[0] == planes[1]:
         raise BadInput("planes", str(planes), "two different nodes")
+    # x + iy in the frame that turns with the rotor, for the sum and for the couple
     total = jnp.zeros((), complex)
     couple = jnp.zeros((), complex)
     for table in unbalances:
@@ -151,6 +152,7 @@ def classical_balance(
         raise BadInput("rotor", str(names), "a model with a shaft that spins")
     rotor_nodes = set(subsets(model)[names.index("rotor")])
     positions = node_positions(model)
+    # only what spins: crankcase and housing are not on the balancing machine
     z = {node: float(positions[node][2]) for node in positions.keys() & rotor_nodes}
     mass = 0.0
     moment = 0.0

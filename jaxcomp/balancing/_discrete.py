@@ -49,8 +49,10 @@ def discrete(
     waiting = [(0.0, initial, ())]
     while waiting:
         below, vibration, choices = waiting.pop()
+        # a better combination may have come since this branch was put on the stack
         if below >= lowest:
             continue
+        # not broken off: the least bound of all that waits is what the result can still claim
         if nodes >= most:
             unseen_bound = min(unseen_bound, below)
             continue
@@ -105,6 +107,7 @@ def _greedy(matrix, initial, stocks):
     lowest = np.inf
     while True:
         for p, stock in enumerate(stocks):
+            # with this plane's own choice taken off again, what remains is for the best of its stock
             by_others = initial + matrix @ picked - matrix[:, p] * picked[p]
             sizes = np.linalg.norm(by_others[:, None] + matrix[:, p, None] * stock, axis=0)
             picked[p] = stock[np.argmin(sizes)]
@@ -171,6 +174,8 @@ def split(
     light = 1e-7 * radius
     system = np.vstack([arms, light * np.ones(at.size)])
     right = np.append(target / scale, 0.0)
+    # An active-set method empties holes exactly. With a limit the solver comes from inside of the
+    # bounds and leaves a trace of mass in every hole.
     if np.isinf(largest):
         masses = nnls(system, right)[0]
     else:

@@ -34,6 +34,7 @@ def further_trial(influence: Influence, size: float) -> FurtherTrial | None:
     systems = (influence, *influence.alternatives)
     if len(systems) == 1:
         return None
+    # every 15 degrees: the run has to tell the systems apart, not to be the best of all that would
     angles = np.deg2rad(np.arange(0.0, 360.0, 15.0))
     best = None
     widest = -1.0
@@ -46,6 +47,7 @@ def further_trial(influence: Influence, size: float) -> FurtherTrial | None:
             # The two systems that are hardest to tell apart decide, at the reading that tells them best.
             pairs = itertools.combinations(share, 2)
             spread = min(np.max(np.abs(first - second)) for first, second in pairs)
+            # of equally good positions the first, whatever the last digit says on another machine
             if spread > widest * (1 + 1e-9):
                 row = int(np.argmax(np.ptp(share, axis=0)))
                 widest = spread

@@ -97,6 +97,7 @@ class Influence(eqx.Module):
         count = (len(self.rows), len(self.planes))
         for name, shape in (("matrix", count), ("initial", count[:1]), ("weight", count[:1])):
             value = getattr(self, name)
+            # shapes are known of traced values as well, numbers are not
             if jnp.shape(value) != shape:
                 raise BadInput(name, str(jnp.shape(value)), f"of shape {shape}")
             if not is_traced(value) and not np.all(np.isfinite(value)):
@@ -285,6 +286,7 @@ def fitted_influence(
         needs = "of at least as many independent runs as planes"
         raise BadInput("weights", f"{len(on)} runs for {len(planes)} planes", needs)
     change = jnp.asarray(readings, complex) - jnp.asarray(initial, complex)
+    # runs are rows in both: change = weights C^T
     matrix = jnp.linalg.lstsq(jnp.asarray(on), change)[0].T
     weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
     return Influence(matrix, jnp.asarray(initial, complex), weight, tuple(rows), tuple(planes))
@@ -304,6 +306,7 @@ def with_weights(influence: Influence, weights: Mapping[str, complex]) -> Influe
         if name not in influence.planes:
             raise BadInput(f"weights.{name}", name, one_of(name, influence.planes))
     vector = jnp.asarray([complex(weights.get(name, 0.0)) for name in influence.planes])
+    # each alternative has coefficients of its own, by which the same weights move it elsewhere
     alternatives = tuple(with_weights(other, weights) for other in influence.alternatives)
     return dataclasses.replace(
         influence, initial=influence.vibration(vector), alternatives=alternatives
@@ -404,6 +407,7 @@ def machine_influence(
 
 @kept_jit
 def _answers(assembly, places, speeds, solver, crank, left_out):
+    # all periodic states as one batch; the first order is all that an unbalance answers to
     at = lambda w: crank_loads(assembly, w, (1,), solver, crank=crank, left_out=left_out)  # noqa: E731
     return flexibilities(assembly, jax.vmap(at)(speeds), places, speeds)
 
@@ -426,5 +430,6 @@ def flexibilities(
         places: correction planes and targets.
         speeds: [rad/s]
     """
+    # the films differ from speed to speed, and with them the model: there is no one rotor for all
     at = lambda load, w: flexibility(*running_rotor(machine, load), places, w)  # noqa: E731
     return jax.vmap(at)(loads, speeds).reshape(-1, 1 + len(places.planes))

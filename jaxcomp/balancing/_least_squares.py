@@ -51,6 +51,7 @@ def _least_squares(influence: Influence, cut: float, tikhonov) -> Balance:
     counted = values > cut * values[0]
     # Double where: a value that is left out may be zero, and must not be divided by in derivatives.
     safe = jnp.where(counted, values, 1.0)
+    # without a penalty one over the value, as in the pseudo-inverse; with one, small values are damped
     share = jnp.where(counted, safe / (safe**2 + (tikhonov * values[0]) ** 2), 0.0)
     correction = -right_vectors.conj().T @ (share * (left_vectors.conj().T @ initial))
     return _exact(influence, correction, "least squares")
@@ -115,13 +116,16 @@ def bounded(
     def advance(carry):
         x, multiplier, _, low, steps = carry
         x, multiplier = discs.advanced(x, multiplier)
+        # the bound is one for any multipliers, but need not rise with them: the best so far stays
         low = maximum(low, discs.bound(multiplier))
         return x, multiplier, discs.squares(x), low, steps + 1
 
     x = jnp.zeros(2 * count)
+    # of the size of the gradient at x = 0, and above zero where nothing vibrates
     multiplier = jnp.full(count, max_of(jnp.abs(discs.a.T @ discs.b)) + 1e-300)
     start = (x, multiplier, discs.squares(x), jnp.zeros(()), jnp.asarray(0))
     x, _, high, low, _ = lax.while_loop(going_on, advance, start)
+    # A traced bound cannot raise; not a number, `balance` takes it for a bad input.
     good = jnp.all(largest > 0)
     failure = Status.where(open_(high, low), Status.not_converged, Status.converged)
     return balance(
@@ -236,6 +240,7 @@ def quadratic(influence: Influence) -> Callable[[Array], Array]:
     def objective(correction):
         matrix, initial = influence.weighted
         vibration = initial + matrix @ correction
+        # by parts, a polynomial of the corrections: an `abs` would take a root only to square it
         return jnp.sum(vibration.real**2 + vibration.imag**2)
 
     return jax.jit(objective)

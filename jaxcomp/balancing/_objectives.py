@@ -39,6 +39,7 @@ def min_max(influence: Influence, *, tolerance: float = 1e-6, max_steps: int = 2
         max_steps: after which to stop; the gap shows what was reached.
     """
     matrix, initial = influence.weighted
+    # in units of the largest vibration before, of which 1 and 1e-12 below are shares
     scale = maximum(max_of(jnp.abs(initial)), 1e-300)
     rows = initial.size
 
@@ -127,6 +128,7 @@ def least_masses(
     cuts, right = circles.tangents(np.repeat(np.arange(count), _TANGENTS), np.tile(angles, count))
     # Costs of one size, because the tolerances of the solver are absolute.
     objective = np.concatenate([np.zeros(2 * planes), weight / unit])
+    # real and imaginary parts of the corrections are free, their sizes t are not negative
     ends = [(None, None)] * (2 * planes) + [(0, None)] * planes
     step = 0
     while True:
@@ -188,6 +190,7 @@ def _circles(influence: Influence, limits, bounds) -> tuple[_Circles, np.ndarray
     matrix = np.asarray(influence.matrix) / limits[:, None]
     initial = np.asarray(influence.initial) / limits
     size = 1.0 / np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    # rows: the readings, the corrections within their sizes t, and within their bounds if there are any
     a = np.vstack([matrix * size, np.eye(planes)])
     if bounds is not None:
         a = np.vstack([a, np.diag(size / bounds)])
@@ -199,10 +202,12 @@ def _circles(influence: Influence, limits, bounds) -> tuple[_Circles, np.ndarray
 
 def _refuse(influence: Influence, limits, bounds) -> NoReturn:
     """Say what could be reached instead."""
+    # with these weights min-max judges every reading in shares of its own limit
     within = Influence(influence.matrix, influence.initial, jnp.asarray(limits.max() / limits),
                        influence.rows, influence.planes)  # fmt: skip
     words = "with the bounds of the corrections" if bounds is not None else ""
     lowest = float(min_max(within).objective)
+    # free corrections do reach the limit: the bounds are in the way
     if lowest <= limits.max():
         raise SolveFailed(Status.singular, f"no corrections reach the limit {words}".strip())
     raise SolveFailed(

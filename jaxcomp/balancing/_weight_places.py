@@ -117,6 +117,7 @@ def placed(
     limits = None if counts is None else np.asarray(counts, int)
     sums = {}
     for number, plane in planes.items():
+        # place by place, with all of the stock at each: combinations are grown in this order
         place = np.repeat(np.arange(plane.directions.size), stock.size)
         kind = np.tile(np.arange(stock.size), plane.directions.size)
         unbalance = plane.arm * stock[kind] * plane.directions[place]
@@ -220,6 +221,7 @@ def _any_masses(influence: Influence, planes: Mapping[int, _Plane]) -> Balance:
     system = unit * np.vstack([np.real(columns), np.imag(columns)])
     right = -np.append(np.real(initial), np.imag(initial))
     size = max(float(np.linalg.norm(initial)), 1e-300)
+    # an active-set method, whose masses end on their bounds exactly
     answer = lsq_linear(system / size, right / size, (0.0, upper), method="bvls", tol=1e-15)
     masses = np.clip(answer.x, 0.0, upper)
     low = _dual_bound(system / size, right / size, masses, upper)
@@ -334,6 +336,8 @@ class _Search:
         self.sums = [sums[number] for number in self.order]
         count = len(self.order)
         q, r = np.linalg.qr(matrix[:, self.order])
+        # With fewer readings than planes the triangle lacks rows: zeros, for planes of which the others
+        # can undo any choice.
         self.r = np.zeros((count, count), complex)
         self.r[: r.shape[0]] = r
         self.target = np.zeros(count, complex)
@@ -395,6 +399,7 @@ class _Search:
         cost = below + abs(residual) ** 2
         path = [*above, candidate]
         if level == 0:
+            # of combinations that leave the same to rounding the lightest counts
             mass = sum(decided.mass for decided in path)
             size = float(np.sqrt(cost))
             better = size < self.lowest * (1 - 1e-12)
@@ -402,6 +407,7 @@ class _Search:
                 self.lowest = min(size, self.lowest)
                 self.picked = path
             return
+        # one stock for all planes: what this one takes, the later ones do not have
         remaining = None if free is None else free - self.sums[level].used(candidate.picks)
         further_targets = targets - self.r[:, level] * candidate.sum
         self._descend(level - 1, further_targets, cost, path, remaining)
@@ -434,6 +440,7 @@ def _stock_balance(influence: Influence, planes: Mapping[int, _Plane], search: _
         free = float(least_squares(influence).objective)
         bound = max(free, search.unseen if complete else 0.0)
     bound = min(bound, objective)
+    # by plane, and by angle within it: an angle is below 2 pi
     order = np.argsort([n * 1e3 + a % (2 * np.pi) for n, a in zip(owner, angles, strict=True)])
     return balance(
         influence,

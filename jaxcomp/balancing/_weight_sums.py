@@ -91,6 +91,7 @@ class WeightSums:
         self._tree = KDTree(_points(listed.values))
         self._number = np.sum(listed.picks >= 0, axis=1)
         self._used = _tally(listed.picks, choices.kind)
+        # whole combinations are listed within what a place takes; two halves may crowd it together
         self._load = _tally(listed.picks, choices.place) if self.paired else None
 
     def nearest(self, target: complex, free: np.ndarray | None) -> Candidate | None:
@@ -109,6 +110,7 @@ class WeightSums:
             near = self.within(target, radius, free)
             if near.distance.size:
                 closest = near.distance[0] * (1 + 1e-9) + _SAME_POINT * self._scale
+                # the lightest, then that of fewest weights: `lexsort` begins with its last key
                 ties = np.flatnonzero(near.distance <= closest)
                 return self.candidate(
                     near, int(ties[np.lexsort((near.number[ties], near.mass[ties]))[0]])
@@ -225,6 +227,7 @@ def _listed(choices: Choices, count_limit: int, limit: int) -> _Listed | None:
             break
         next_picks = picks[-1][parents].copy()
         next_picks[:, level] = numbers
+        # the empty sum has no last choice; the first one stands in for it, and is masked
         same_place = (last_choice[parents] >= 0) & (
             choices.place[numbers] == choices.place[np.maximum(last_choice[parents], 0)]
         )
@@ -240,6 +243,7 @@ def _listed(choices: Choices, count_limit: int, limit: int) -> _Listed | None:
 
 def _growing(choices: Choices, number: int, last_choice, at_place, used) -> np.ndarray:
     """Mask of the sums that a choice may join."""
+    # only the empty sum is there, which any choice may join
     if last_choice[0] < 0:
         fits = np.ones(last_choice.size, bool)
     else:
@@ -254,6 +258,8 @@ def _growing(choices: Choices, number: int, last_choice, at_place, used) -> np.n
 def _lightest(sums: _Listed) -> _Listed:
     """The lightest of combinations with the same sum: opposite weights of equal size do nothing."""
     scale = float(np.abs(sums.values).max()) or 1.0
+    # On a grid, where equal sums sort next to each other. Two that fall into neighbouring cells both
+    # stay, which costs a point and loses none.
     grid = np.round(_points(sums.values) / scale * 1e10).astype(np.int64)
     order = np.lexsort((sums.mass, grid[:, 1], grid[:, 0]))
     new = np.ones(order.size, bool)

@@ -85,6 +85,7 @@ def solve_motion(
     equation = _Equation(compressor, at, speed, drive)
     value = drive / at.inertia
     if compressor.frictionless:
+        # no losses, so that the acceleration does not depend on the joint forces: nothing to iterate
         loop = equation.loop(value)
         return Instantaneous(value, at, loop.loads(loop.loops.start(), evidence))
     value, joint = root(equation)
@@ -274,6 +275,7 @@ def _energy_for_period(course: Course, gained, period):
     # dt = sqrt(J/2E) dtheta. Two steps, since the iteration of the orbit goes on from the last value.
     root = jnp.sqrt(course.inertia / (2 * course.energy_scale)) * course.grid.weight
     lowest = lax.stop_gradient(min_of(gained))
+    # With it the lowest node keeps a thousandth of the dip; with less the crank would come to a halt.
     least = 1e-3 * jnp.abs(lowest) - lowest
     first = maximum(course.first_energy, least)
     for _ in range(2):
@@ -310,6 +312,8 @@ class _TorqueCurve(AbstractClosure):
         stiff = (grid.width * max_of(jnp.abs(steepness), axis=1)) ** 2
         damped = (stiff / (stiff + _STIFF**2))[:, None, None] * grid.rule.damping
         integral = grid.width[:, None, None] * (grid.rule.integral + damped)
+        # E = E_left + integral (constant + steepness E) at the nodes, linear in E: solved once for the E
+        # that enters on the left and once for the torques within.
         matrix = jnp.eye(count) - integral * steepness[:, None, :]
         right = jnp.stack(
             [jnp.ones_like(constant), jnp.einsum("pij,pj->pi", integral, constant)], axis=-1
@@ -348,6 +352,7 @@ class _GivenSpeed(AbstractClosure):
     def improve(self, motor, course, steepness):
         del steepness
         square = motor.mean_speed**2
+        # at constant speed E follows the inertia alone, and the motor's torque is read off it afterwards
         energy = 0.5 * course.inertia * square / course.energy_scale
         return energy, 0.5 * course.inertia_1 * square, course.first_energy
 

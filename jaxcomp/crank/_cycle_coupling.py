@@ -106,6 +106,7 @@ def orbit_with_cylinder(
     assert isinstance(compressor.gas, Cylinder)
     even = even or isinstance(compressor.motor, ConstantSpeed)
     if _is_marched(compressor, solver):
+        # Derivatives through a march would err by per cent: who asks for them gets an error instead.
         compressor = values_only(compressor)
     if even and law_of(compressor) is None and not _seeks_pressures(compressor):
         # the pressure depends on nothing that the crank does
@@ -286,10 +287,12 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
     level = jnp.zeros(())
     pace = None
     if not even:
+        # time over angle, in parts of that at the mean speed: what the balances of the gas are driven by
         slowness = orbit.mean_speed / orbit.state.speed.reshape(-1, orbit.panel_nodes)
         crank_pace = Pace(orbit.panel_edges, slowness - 1)
         phase = _phase_of_cycles(compressor)
         pace = pace_of(solution_of(cycle, followed=True), crank_pace.at, phase)
+        # as a logarithm, so that no mixture of steps makes a speed that is not positive
         level = jnp.log(orbit.mean_speed / compressor.motor.speed_guess)
     return Motion(level, pace, _in_hundreds(rise))
 

@@ -186,6 +186,7 @@ def _energy_error(closure, course: Course, acceleration, growth) -> Float[Array,
     gained, at_edges = course.grid.cumulative(
         closure.torque(course) + course.conservative - course.loss - slope
     )
+    # A constant shift is left out here: the level belongs to the closure, see below.
     mean = course.grid.total(gained) / (2 * jnp.pi)
     error = course.grid.total(jnp.abs(gained - mean)) / (2 * jnp.pi)
     # the level of the speed follows from the torques, if these know the speed

@@ -369,6 +369,8 @@ def has_thin_film(compressor: Compressor, orbit: Orbit) -> Bool[Array, ""]:
             bearing = prepare(law)
             rate = rates[name]
             film: Any = bearing.film
+            # The film ratio c/h - 1 of a film as thick as the roughness: compared by the load that it
+            # carries, so that no position of the journal has to be sought.
             ratio = maximum(gap / roughness - 1, 0.0)
             largest_number = ratio * film.load_gain(ratio)
             number = load_number(bearing, jnp.hypot(*orbit.loads.forces[name]), rate)

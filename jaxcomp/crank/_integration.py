@@ -83,5 +83,6 @@ def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=No
         return at, jnp.ones(())
     wide = end > start
     moved_width = moved[panel + 1] - moved[panel]
+    # Double where: a panel of no width would put 0/0 into the derivatives of the others.
     rate = jnp.where(wide, moved_width / jnp.where(wide, end - start, 1), 1)
     return moved[panel] + (at - start) * rate, rate

@@ -67,6 +67,7 @@ class Resolution(eqx.Module):
             distance = 0.1 * 0.15 ** jnp.arange(self.grading)
             around = jnp.concatenate([-distance, distance, jnp.zeros(1)])
             inner = jnp.concatenate([kinks, (minima[:, None] + around).ravel()])
+            # places outside of the revolution make panels of no width at its ends
             edges = jnp.sort(jnp.concatenate([edges, clip(inner, edges[0], edges[-1])]))
         return panels(edges, self.nodes)
 
@@ -130,6 +131,7 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> OrbitParameter
     energy = 0.5 * jnp.mean(at.inertia) * speed**2
     force = max_of(jnp.abs(at.gas_force))
     stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
+    # The gas force and one of inertia, E over the crank radius: the sum is a scale without gas as well.
     force += energy / min_of(stroke)
     curve = closure_of(compressor.motor).needs_steepness
     base = speed if curve else jnp.zeros_like(speed)

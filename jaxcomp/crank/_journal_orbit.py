@@ -96,6 +96,7 @@ def journal_orbit(
 
     if bearing.contact is None:
         return solved(edges)
+    # Only to place panels where the journal moves fast, which needs no derivative.
     first = lax.stop_gradient(solved(jnp.concatenate([edges, 0.5 * (even[1:] + even[:-1])])))
     return solved(jnp.concatenate([edges, _where_it_moves(first, count)]))
 
@@ -117,6 +118,7 @@ def moved_films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
     rows = []
     for name, law in oil_films(compressor, orbit):
         if not law.moves and issubclass(law.model, AbstractSolvedFilm):
+            # the others have no squeeze: the finite film stands for them
             film = "short" if law.film == "short" else "reynolds"
             bearing = rebuilt(law, film=film, motion="orbit", thin_film=thin_film(law))
             sums = [s * orbit.state.speed + 0 * orbit.weight for s in shares.get(name, (1.0, 1.0))]

@@ -147,6 +147,8 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
     crankshaft = compressor.crankshaft
     if not isinstance(mechanism, SliderCrank):
         return {}
+    # In the crank's sense the rod turns at -phi' times the speed. It is the bush of both pins: the
+    # piston pin stands still in it, the crank pin turns with the crank.
     tilts = rod_motion(crankshaft.each(mechanism, angle), crankshaft.own_angle(angle)).tilt_1
     shares = {}
     for number, tilt in enumerate(tilts, 1):
@@ -338,6 +340,7 @@ def _correction(
     through = lax.stop_gradient(end[:, :2]) + jnp.eye(2)[..., None]
     shift = end[:, 2] + grid.width * (rate @ rule.weights)
     maps, shifts = _prefixes(through, shift)
+    # periodic: a revolution maps d at its beginning on itself
     first = _two_by_two(jnp.eye(2) - maps[..., -1], shifts[:, -1])
     lefts = _apply(maps, first[:, None]) + shifts
     lefts = jnp.concatenate([first[:, None], lefts[:, :-1]], axis=1)
@@ -411,6 +414,7 @@ def journal_torque(
         share, _ = shares.get(journal.joint, (1.0, 1.0))
         squeeze = journal.bearing.radial_clearance * film_unit(journal.bearing) * power[number]
         shear = shear_drag(journal.bearing, position[:, number]) * share**2
+        # Dissipation over the crank's speed, whose square both parts of it contain.
         total += (shear + squeeze) * state.speed
         contact = ring_contact(journal.bearing)
         if contact is not None:

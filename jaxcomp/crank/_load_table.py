@@ -172,6 +172,7 @@ class LoadTable(eqx.Module):
         if abs(excess) > 2e-3:
             bound = "such that the axes of the load turn by whole revolutions in the period"
             raise BadInput("frame", f'"{self.frame}", which makes {turns[-1]:.4g}', bound)
+        # What exceeds whole revolutions is spread evenly, so that after a period the axes coincide.
         drift = excess / self.period
         at = jnp.asarray(TURN * (turns - drift * (knots - knots[0])))
         slopes = jnp.asarray(closed - TURN * drift)

@@ -213,6 +213,8 @@ class Orbit(Result, eqx.Module):
         """[rad/s] of the crank at angles [rad], by the polynomial of the panel that they are on."""
         x = self.state.angle.reshape(-1, self.panel_nodes)
         y = self.state.speed.reshape(x.shape)
+        # The border of two panels is taken halfway between their nearest nodes, which is the
+        # edge where both are equally wide.
         start = (x[-1, -1] - 2 * jnp.pi + x[0, 0]) / 2
         at = start + jnp.mod(angle - start, 2 * jnp.pi)
         panel = jnp.searchsorted((x[:-1, -1] + x[1:, 0]) / 2, at, side="right")
@@ -357,6 +359,7 @@ def _values(orbit: Orbit, quantities: tuple[Quantity, ...]) -> dict[str, Any]:
 
 
 def _nonzero(value):
+    # As a divisor: 0/1 instead of 0/0, in values and derivatives.
     return value + (value == 0)
 
 
@@ -384,6 +387,7 @@ def rod_load_reversal(
             along_rod = force[0]
             following = jnp.roll(along_rod, -1)
             away = jnp.abs(along_rod) + jnp.abs(following)
+            # Part of the step in which a straight line is positive: all of it, none, or up to its zero.
             share = (maximum(along_rod, 0) + maximum(following, 0)) / jnp.where(away > 0, away, 1.0)
             tension = jnp.sum(step * share)
             sides = jnp.stack([max_of(along_rod), -min_of(along_rod)])

@@ -394,6 +394,7 @@ def _rate(place, y, args):
     torques = {"motor": motor, "gas": -motion.at.conservative, "losses": motion.loads.loss_torque}
     units = fixed.speed, fixed.energy
     rates = rates_over_angle(machine, motion, speed, torques, places, units)
+    # In revolutions at the scale of the speed: it ends near one, of the size of the other unknowns.
     rates["time"] = rates["time"] / (2 * jnp.pi)
     return jax.tree.map(lambda x: x * stretch, rates)
 

@@ -198,6 +198,8 @@ def _solve_traced(
     status = orbit.status
     failed = (status == Status.unresolved) | (status == Status.not_converged)
     failed |= status == Status.stalled  # as losses beyond all bounds look
+    # A later status is nearer to the cause: joints that lock explain a failure, a number out of bounds
+    # explains both.
     near = failed & (orbit.margin < _NEAR_LOCKING)
     status = Status.where(near, Status.near_locking, status)
     status = Status.where(orbit.margin <= 0, Status.self_locking, status)

@@ -327,6 +327,7 @@ def _peak(mean: Float[Array, " s"], amplitude: Complex[Array, "s h"]) -> Float[A
     count = amplitude.shape[1]
     samples = 16 * count
     spectrum = jnp.zeros((amplitude.shape[0], samples // 2 + 1), complex)
+    # `irfft` adds the conjugate of each amplitude, hence the half, and divides by the samples.
     spectrum = spectrum.at[:, 0].set(mean).at[:, 1 : count + 1].set(amplitude / 2)
     course = jnp.fft.irfft(spectrum, samples, axis=1) * samples
     before = jnp.roll(course, 1, axis=1)

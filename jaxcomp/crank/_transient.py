@@ -293,6 +293,7 @@ def _simulate_gas(
     ys = jax.vmap(dense.evaluate)(time)
     gas, rise = law.course(marched, time, ys)
     return _listed(
+        # Only inertias are read there; a `Cylinder` has no pressure by the angle alone.
         replaced(compressor, gas=None),
         good,
         (time, ys, rise),

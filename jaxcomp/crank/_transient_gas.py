@@ -96,6 +96,7 @@ class HeldEnds(AbstractGas):
 
     def on_piston(self, stroke, area):
         head = self.pressure(stroke)
+        # The crank end pushes on the ring about the rod, the ambient on the rod's other end.
         rod = jnp.pi / 4 * self.rod_diameter**2 / area
         return head, head - (1 - rod) * self.crank_end - rod * self.ambient_pressure
 
@@ -187,6 +188,7 @@ class CrankAndGas(AbstractLaw):
         rise, torques, journal_rates = _crank(
             self.compressor, at, gas_rates.pressure, flags[-2] > 0
         )
+        # Speed and time are both counted by the pace, so that an acceleration stands over its square.
         rate = {
             "angle": at["speed"],
             "speed": rise / self.pace**2,

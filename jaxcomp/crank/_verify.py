@@ -125,6 +125,7 @@ def _march(law: _Law, edges, angles, options: TimeIntegration, journals) -> tupl
     `journals` are the positions of the moving ones at the start; `None` where none moves.
     """
     scale = law.speed
+    # A unit of work that is not zero where the motor gives no torque.
     energy = maximum(jnp.abs(law.torque), instants(law.compressor, edges[0]).inertia * scale**2)
 
     def rate(angle, y, args):

@@ -62,5 +62,6 @@ def rise_after(compressor: Compressor, orbit: Orbit, rise):
     loss = electric_power(machine, orbit) - orbit.gas_power
     compressed = compressed_as_it_comes(cycle)
     heat = law.heat(comes, compressed.T, flow, loss, returned_heat(cycle))
+    # Bounded before the fluid is asked for the state, which may lie beyond its range.
     heat = clip(heat, 0.0, LARGEST_RISE * flow * comes.c_p)
     return gas.fluid.at_enthalpy(comes.p, comes.h + heat / flow, comes).T - comes.T

@@ -169,6 +169,7 @@ def linearise(
     panels, blocks, _ = assemble(system, mesh, z, *parts.panels)
     weights = harmonic_weights(system, z)
     which = maximum(mesh.event, 0)[:, None, None]
+    # an event at the end of a panel moves with the pressure there; edges without one do not
     event = jnp.take_along_axis(parts.events_by_pressure[:, -1], which, axis=1)[:, 0]
     event = jnp.where(blocks.has_event[:, None], event, 0.0)
     factors, *pushed = _condensed(blocks, parts, jnp.diff(z.edges))
@@ -188,6 +189,8 @@ def linearise(
     by_pressure = parts.observed_by_pressure[:, :-1]
     followed = _harmonic_columns(factors, flows, by_pressure, columns)
     through = jnp.einsum("boh,ohc->bc", by_flow, followed)
+    # pressures alone act on the cylinders: the other unknowns of the waves, behind them in the
+    # vector, have slopes of the networks only
     matrix = by_waves.at[:, : through.shape[1]].add(through)
     lu, _, order = lax.linalg.lu(matrix)
     return remainder, Bordered(factors, flows, columns, by_flow, (lu, order))
@@ -223,6 +226,7 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"], 
     def response(line, side, response):
         return line.responses(side) if response is None else response
 
+    # a linear solution for every harmonic, which no flow changes: once, and not in every direction
     responses = _per_side(response, lines, waves, fixed or (None, None))
 
     def with_responses(waves, flows):
@@ -236,6 +240,7 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"], 
     def all_answers(waves):
         return _packed(answers(lines, waves, system.of_sides(flows)))[0]
 
+    # the signs are those of G = c - answer
     by_flow = -jax.jacfwd(lambda flows: with_responses(waves, flows))(flows)
     by_waves = jnp.eye(vector.size)
     behind_pressures = vector.size - pressures
@@ -289,6 +294,8 @@ def _condensed(blocks: Blocks, parts: FlangeJacobian, width) -> tuple[Factors, A
     lu, _, order = lax.linalg.lu(blocks.stages)
     # inputs and pressures at once: BLAS is asked once
     solved = solve_stages((lu, order), jnp.concatenate([blocks.inputs, pushed], axis=2))
+    # the first columns are those of a panel without pipes, the others those of the pressures at
+    # its nodes
     factors = condense(blocks, (lu, order), solved[..., : n + 2])
     nodes = solved[..., n + 2 :]
     pushed = jnp.einsum("p,j,pjnk->pnjk", width, jnp.asarray(rule.weights), by_pressure)
@@ -310,6 +317,7 @@ def _columns(factors: Factors, nodes, ends, basis, event) -> Columns:
     # with the harmonics
     pulled = jnp.einsum("pn,pnq->pq", factors.gradient, ends)
     edge = -factors.share[:, None] * jnp.concatenate([pulled, event], axis=1)
+    # the pressure at the end of a panel acts on its event alone: Gauss's rule has no node there
     end = jnp.concatenate([ends, jnp.zeros((panels, n, k))], axis=2)
     end = end + factors.by_edge[:, :, None] * edge[:, None]
     answer = jnp.concatenate([factors.jump @ end, edge[:, None]], axis=1)
@@ -328,10 +336,12 @@ def _harmonic_columns(factors: Factors, flows: Flows, by_pressure, columns: Colu
     panels, s, o, n = flows.by_state.shape
     k = by_pressure.shape[-1]
     of_inputs = flows.by_state @ factors.nodes.reshape(panels, s, n, n + 2)
+    # an edge carries the nodes along: angle (1 - c) left + c right
     places = jnp.asarray(gauss(s).nodes)[:, None]
     of_inputs = of_inputs.at[..., n].add(flows.by_angle * (1 - places))
     of_inputs = of_inputs.at[..., n + 1].add(flows.by_angle * places)
     of_nodes = flows.by_state @ columns.nodes.reshape(panels, s, n, s * k)
+    # a flow feels the pressure at its own node at once, besides what the panel's states do
     node = np.arange(s)
     of_nodes = (
         of_nodes.reshape(panels, s, o, s, k).at[:, node, :, node].add(by_pressure.swapaxes(0, 1))
@@ -352,6 +362,8 @@ def _harmonics_of_panels(flows: Flows, change: Unknowns) -> Float[Array, "o h"]:
     begin = change.edges[:-1]
     end = change.edges[1:]
     angle = begin[:, None] * (1 - places) + end[:, None] * places
+    # flows change with states and angles of the nodes, and their weights in the harmonics with the
+    # edges
     observed = jnp.einsum("pjon,pjn->pjo", flows.by_state, change.points[:, :s])
     observed += flows.by_angle * angle[..., None]
     moved = jnp.einsum("pjo,pjh->oh", observed, flows.weights)
@@ -418,6 +430,7 @@ def chord_step(
 
     observed = at_points(law, mesh, z)[:, :-1]
     flows = observed_harmonics(system, observed, harmonic_weights(system, z))
+    # a march has solved the equations of the panels: only those of the waves have a residual
     answer = answers(lines_of(system.shared), waves, flows, responses)
     vector, unpacked = _packed(jax.tree.map(jnp.subtract, waves, answer))
     return unpacked(-solve_border(border, vector))
@@ -426,6 +439,8 @@ def chord_step(
 def solve_bordered(linear: Bordered, right_hand_side: Both) -> Both:
     """Solve the linearised equations; linear in `right_hand_side`."""
     vector, unpacked = _packed(right_hand_side.waves)
+    # panels with waves held, then waves by the condensed matrix with what these panels deliver,
+    # then what the pressures do to the panels
     alone = solve_factors(linear.factors, right_hand_side.panels)
     flows = _harmonics_of_panels(linear.flows, alone)
     right = vector - jnp.einsum("boh,oh->b", linear.by_flow, flows)
@@ -508,6 +523,7 @@ def _amplitude_of(waves: Waves) -> Float[Array, ""]:
 
 def limited(before: Waves, change: Waves) -> Waves:
     """Waves after a change, of which is followed what stays within a tenth of the line's pressure."""
+    # a change that is not finite is left out altogether: a share of it would be no number either
     largest = _amplitude_of(change)
     finite = jnp.isfinite(largest)
     share = minimum(1.0, _LARGEST_STEP / jnp.where(finite & (largest > 0), largest, 1.0))

@@ -51,6 +51,7 @@ class Events(eqx.Module):
     def closing_angle(self, valve: int) -> Float[Array, ""]:
         """Crank angle [rad] at which a valve shuts for the last time; 0 if it never does."""
         closings = self.shuts & (self.which == 4 * valve)
+        # a valve that bounces or flutters shuts more than once
         latest = jnp.argmax(jnp.where(closings, self.angle, -jnp.inf))
         return jnp.where(jnp.any(closings), self.angle[latest], 0.0)
 
@@ -171,6 +172,7 @@ class Cycle(Result, eqx.Module):
         cylinder = self.case.cylinder
         if cylinder.walls is None:
             return cylinder.wall_temperature
+        # the first panel stands for all: it is constant within the revolution
         return self.raw[1].left[..., 0, STATES] * self.case.suction.T
 
     @property
@@ -222,6 +224,7 @@ class Cycle(Result, eqx.Module):
     def discharged_gas(self) -> GasState:
         """That gas at the pressure of the line."""
         line = self.case.discharge
+        # without delivery there is no mean enthalpy: the gas of the line stands for it
         enthalpy = jnp.where(self.delivered > 0, self.discharge_enthalpy, line.h)
         return self.case.cylinder.fluid.at_enthalpy(line.p, enthalpy, line)
 
@@ -252,6 +255,7 @@ class Cycle(Result, eqx.Module):
     def energy_closure(self) -> Float[Array, ""]:
         """[-] energy that came and did not leave, over the indicated work."""
         t = self.totals
+        # p dV is work of the gas: what it gives away counts as energy that left
         imbalance = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
         return imbalance / nonzero(self.indicated_work)
 
@@ -284,9 +288,13 @@ class Cycle(Result, eqx.Module):
         case = self.case
         t = self.totals
         c = case.cylinder.clearance_ratio
+        # what the clearance holds at discharge expands over this part of the stroke before the
+        # suction valve can open
         expanded = case.cylinder.fluid.at_entropy(case.suction.p, case.discharge.s, case.discharge)
         clearance = c * (case.discharge.rho / expanded.rho - 1)
         _, bottom = case.mechanism.dead_centres()
+        # shares of the full cylinder, clearance included: (1 + c) swept volumes are filled at this
+        # pressure
         full = self.pressure_at(bottom)
         named = {
             "delivered": self.volumetric_efficiency,
@@ -330,6 +338,8 @@ class Cycle(Result, eqx.Module):
         """
         cylinder = self.case.cylinder
         liquid = cylinder.discharge.liquid_enthalpy(cylinder.fluid)
+        # before shell and muffler heat the gas, which cools nothing outside; so do the standards
+        # count
         return self.mass_flow * (self.case.comes.h - liquid)
 
     @property
@@ -392,6 +402,8 @@ class Cycle(Result, eqx.Module):
 
 
 def nonzero(value):
+    # one in the place of zero alone: the quotient is finite there and the same elsewhere,
+    # derivatives included
     return value + (value == 0)
 
 

@@ -61,6 +61,8 @@ def residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Resi
     rule = gauss(z.points.shape[1] - 1)
     integral = jnp.asarray(np.vstack([rule.integral, rule.weights]))
     width = jnp.diff(z.edges)[:, None, None]
+    # Gauss's rule: slopes at the nodes, integrated up to every node and to the end; the slope at
+    # the end, where only the event function counts, is not used
     moved = width * jnp.einsum("ij,pja->pia", integral, slopes[:, :-1])
     jumped = jax.vmap(system.jump)(mesh.event, mesh.code, z.points[:, -1])
     if system.cases.cylinder.walls is not None:
@@ -68,6 +70,8 @@ def residual(system: Cylinders, mesh: Mesh, z: Unknowns, slopes, events) -> Resi
     value = jnp.take_along_axis(events[:, -1], maximum(mesh.event, 0)[:, None], axis=1)[:, 0]
     return Residual(
         z.points - z.left[:, None] - moved,
+        # behind the last panel comes the first one, which makes the cycle periodic; an edge
+        # without an event stays, and its equation is 0 = 0
         jnp.roll(z.left, -1, axis=0) - jumped,
         jnp.where(mesh.event >= 0, value, 0.0),
     )
@@ -106,6 +110,7 @@ def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state
     by_state = by_state[:, :s]
     by_angle = by_angle[:, :s]
     w = jnp.diff(z.edges)[:, None, None]
+    # rows (i a) by node and state, columns (j b): the identity less w a_ij times the Jacobian at j
     stages = jnp.eye(s * n) - (
         w[..., None, None] * a[:, None, :, None] * by_state.transpose(0, 2, 1, 3)[:, None]
     ).reshape(panels, s * n, s * n)
@@ -121,6 +126,8 @@ def assemble(system: Cylinders, mesh: Mesh, z: Unknowns, values, slopes_of_state
     jumps = jax.vmap(jax.jacfwd(system.jump, argnums=2))
     jump_by_state = jumps(mesh.event, mesh.code, z.points[:, -1])
     if system.cases.cylinder.walls is not None:
+        # behind the jump at the end of the revolution the wall is warmed: a further factor of the
+        # last panel
         turn = jax.jacfwd(system.next_revolution)(z.points[-1, -1])
         jump_by_state = jump_by_state.at[-1].set(turn @ jump_by_state[-1])
     which = maximum(mesh.event, 0)[:, None, None]
@@ -182,6 +189,7 @@ def condense(blocks: Blocks, stages: tuple[Array, Array], nodes: Float[Array, "p
     gradient = blocks.event[:, :n]
     by_edge = ends[:, :, n + 1]
     slope = jnp.sum(gradient * by_edge, axis=1) + blocks.event[:, n]
+    # double where: without an event the slope of the function that stands in its place may be zero
     share = jnp.where(blocks.has_event, 1 / jnp.where(blocks.has_event, slope, 1.0), 0.0)
     edge = -share[:, None] * jnp.einsum("pa,pak->pk", gradient, ends[:, :, : n + 1])
     end = ends[:, :, : n + 1] + by_edge[:, :, None] * edge[:, None]
@@ -208,6 +216,8 @@ def _around(maps: Float[Array, "p m m"], panel_ends: Float[Array, "p m"]) -> Flo
     size = maps.shape[-1]
     start = jnp.eye(size, size + 1, k=1)
     revolution, _ = lax.scan(pass_panel, start, (maps, panel_ends))
+    # x_0 = R x_0 + r round the revolution: of a cycle with a multiplier of one this has no unique
+    # solution
     first = jnp.linalg.solve(jnp.eye(size) - revolution[:, 1:], revolution[:, 0])
 
     def follow(before, panel):
@@ -245,6 +255,7 @@ def solve_factors(factors: Factors, right_hand_side: Residual) -> Unknowns:
     )
     states = jnp.roll(after, 1, axis=0).at[0, n].set(0.0)
     edges = jnp.concatenate([states[:, n], jnp.zeros(1)])
+    # states at the beginning of each panel, angle of its left and angle of its right edge
     inputs = jnp.concatenate([states, edges[1:, None]], axis=1)
     points = jnp.concatenate([factors.nodes, factors.ends], axis=1) @ inputs[:, :, None]
     points = points[:, :, 0] + jnp.concatenate([own_nodes[:, :, 0], own_ends], axis=1)
@@ -361,6 +372,7 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
     them.
     """
     lost = equations.lost
+    # once and for all steps: with weights that move, sizes of steps could not be compared
     weights = equations.weights(start)
 
     def falling(size, previous_size, steps):
@@ -389,6 +401,7 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
             unknowns, remainder, previous_size, _, count, _, moved = carry
             step = equations.solve(linear, jax.tree.map(jnp.negative, remainder))
             size = equations.size(step, weights)
+            # a step that has lost the solution is not taken, so that the unknowns stay finite
             unknowns = jax.tree.map(lambda x, d: jnp.where(size < lost, x + d, x), unknowns, step)
             remainder, events = equations.evaluate(unknowns)
             steps_with_it = count + 1
@@ -409,6 +422,7 @@ def newton(equations: AbstractEquations, start, tolerance, max_steps: int):
     unknown = Branches(jnp.asarray(False), jnp.asarray(jnp.inf))
     unmoved = jax.tree.map(jnp.zeros_like, equations.waves(start))
     at_first = unmoved, equations.blank_border(start)
+    # sizes below the bound, and falling, so that there is a first step in any case
     begin = (start, jnp.asarray(0.1 * lost), jnp.asarray(lost), none, none, unknown, *at_first)
     unknowns, size, _, steps, chord_steps, branches, first, border = lax.while_loop(
         going_on, advance, begin
@@ -436,10 +450,12 @@ def branches_of(z: Unknowns, events) -> Branches:
     """Whether every branch holds at every node of a panel with some width, and where not."""
     widths = jnp.diff(z.edges)
     is_wide = (widths > 1e-7)[:, None, None]
+    # at the nodes alone: at the end of its panel the function of an event is zero
     least = min_of(jnp.where(is_wide, events[:, :-1], jnp.inf), axis=2)
     panel, node = jnp.divmod(jnp.argmin(least), least.shape[1])
     angle = z.edges[panel] + widths[panel] * jnp.asarray(gauss(least.shape[1]).nodes)[node]
     is_left = ~(least[panel, node] > -_LEFT)  # NaN included
+    # events that have changed places leave a panel of negative width between them
     in_order = jnp.all(widths > -1e-7)
     return Branches(~is_left & in_order, jnp.where(is_left, angle, jnp.inf))
 
@@ -456,6 +472,7 @@ def keeps_within(
             highest two terms of its polynomial.
     """
     free = (mesh.flags[:, :: FLAGS // 2] == FREE) & (jnp.diff(z.edges) > 1e-7)[:, None]
+    # half the stop in the place of valves that rest, which is never beyond
     lift = jnp.where(free[:, None], z.points[..., system.columns(2, 5)], 0.5)
     beyond = jnp.moveaxis(jnp.concatenate([lift - 1, -lift], axis=-1), -1, 0)
     if of_last_terms is None:

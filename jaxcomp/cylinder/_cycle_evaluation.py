@@ -70,6 +70,7 @@ def cycles_of(system: Cylinders, solution, marching: bool) -> SeveralCycles:
     ):
         mesh = together.mesh
         z = together.z
+        # of an event of another cylinder the panel has an edge, but no event of this one
         event = mesh.event - EVENTS * number
         is_its_event = (event >= 0) & (event < EVENTS)
         flags = lax.dynamic_slice_in_dim(mesh.flags, FLAGS * number, FLAGS, axis=1)
@@ -123,6 +124,7 @@ def _followed(system: Cylinders, solution: CycleSolution, marching: bool):
     waves = solution.waves
     if waves is not None:
         cycle_and_waves = Both(solution.z, waves)
+        # panels and waves are one root: either depends on the machine through the other as well
         followed = root(AttachedWaves(system, solution.mesh, cycle_and_waves))
         z = followed.panels
         system = system.with_waves(followed.waves)
@@ -154,6 +156,8 @@ def _judged(case: Case, solution: CycleSolution, points, marching: bool) -> Cycl
     alternates = solution.alternates & ~solution.solved
     status = Status.where(alternates, Status.no_periodic_state, status)
     cycle = _cycle(case, solution, points, marching)
+    # every check looks only at cycles of which no other has said anything: no delivery, wet gas,
+    # then the range of the equation of state
     no_flow = (status == Status.converged) & (cycle.delivered <= 1e-9 * case.mass_scale)
     status = Status.where(no_flow, Status.no_delivery, status)
     fluid = case.cylinder.fluid
@@ -188,11 +192,14 @@ def _cycle(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle
     scale_of = jnp.stack([velocity for _, velocity, _ in scale])
     valve = clip(which, 0, 7) // 4
     slot = jnp.where(which >= 0, which % 4, 4)
+    # velocities v of both valves among the states; at the end of a panel that is the one before
+    # the jump
     column = jnp.where(valve == 0, 3, 6)
     speed = jnp.take_along_axis(z.points[:, -1], column[:, None], axis=1)[:, 0]
     moving = jnp.take_along_axis(free, valve[:, None], axis=1)[:, 0]
     meets = moving & (slot < 2)
     sits = mesh.code == 1
+    # code 1 is onto or off the seat: the branch of the panel says which
     shuts = meets & sits
     opens = ~moving & (slot == 0) & sits
     events = Events(which, z.edges[1:], speed * scale_of[valve], meets, shuts, opens)
@@ -239,6 +246,8 @@ def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p
         is_open = 1.0 * (mesh.flags[:, 3 * which] > SEAT)
         if case.cylinder.valves[which].oscillator is None:
             is_open = jnp.ones_like(is_open)
+        # times dV positive on either side: gas is drawn below the pressure of its line, and pushed
+        # out, with dV < 0, above it
         missing = line.p - flanges[:, :-1, which]
         works.append(jnp.sum(weight * is_open[:, None] * missing * volume_1))
     return jnp.stack(works)
@@ -247,6 +256,7 @@ def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p
 def _rise(case: Case, pressure):
     """[J/kg] of isentropic compression from suction to a pressure, exact at those of the lines."""
     a = 1 - 1 / case.suction.kappa
+    # the rise of a perfect gas, scaled by that of the real one between both lines
     full_rise = (case.discharge.p / case.suction.p) ** a - 1
     share = ((pressure / case.suction.p) ** a - 1) / jnp.where(full_rise > 1e-9, full_rise, jnp.inf)
     return share * (case.isentropic.h - case.suction.h)
@@ -257,6 +267,7 @@ def _plenum_pressures(case: Case, points: Float[Array, "p s+1 n"]):
     if not case.cylinder.plenums:
         return None
 
+    # plenums stand at the end of the states, behind those of the cylinder and of its wall
     of_plenums = -PER_PLENUM * len(case.cylinder.plenums)
 
     def at(state):

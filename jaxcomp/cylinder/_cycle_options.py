@@ -138,6 +138,8 @@ class CycleOptions(eqx.Module):
     @property
     def may_grow(self) -> bool:
         """Whether there is a larger size."""
+        # what a user has fixed does not grow, but there is another size as long as one of the
+        # numbers is free
         return self.size + 1 < len(SIZES) and None in (self.panels, self.capacity, self.max_passes)
 
     @property
@@ -152,6 +154,8 @@ class CycleOptions(eqx.Module):
             events: of the revolution.
             steps: of its march.
         """
+        # room for the course between the events decides as long as there are larger sizes; in the
+        # last one an edge for every event has to do
         fits = steps <= self.kept_steps
         if self.panels is not None or not self.may_grow:
             return fits & (events < self.panel_count)
@@ -170,6 +174,7 @@ class CycleOptions(eqx.Module):
         sizes = [self]
         while (larger := sizes[-1].grown()) is not None:
             sizes.append(larger)
+        # behind all sizes of the collocation: its values stand, but have no derivatives
         march = sizes[-1].by_march()
         if by_march and march is not None:
             sizes.append(march)

@@ -147,6 +147,7 @@ class Cylinder(AbstractGas):
         if self.heat is not None and self.wall_temperature is None:
             raise ValueError("heat transfer needs a `wall_temperature`.")
         self._check_piping()
+        # limits are those of dew temperatures, of numbers that are compared without compiling
         plain_values = known_values(self).by_dew_points()
         for limit in (*_limits(plain_values), *_dry_limits(plain_values)):
             if not is_traced(holds := limit.holds()) and not np.all(holds):
@@ -170,6 +171,8 @@ class Cylinder(AbstractGas):
         critical = self.fluid.critical_temperature
         if any(number is not None for number in rating) or suction.temperature is None:
             return True
+        # a comparison of traced numbers decides nothing here: the capacity is there then,
+        # meaningful or not
         if any(map(is_traced, (critical, suction.temperature))):
             return True
         return bool(min(_ROOM, np.min(suction.temperature)) < critical)
@@ -215,6 +218,7 @@ class Cylinder(AbstractGas):
             if self.later_stages:
                 bound = "absent with later_stages: pipes are solved for the cylinders of one stage"
                 raise BadInput(f"{name}.piping", "given", bound)
+            # all cylinders share the plenums of a line, and these have one neck towards the pipes
             if line.plenums and len(line.piping.flanges) > 1:
                 bound = '"flange" of all cylinders where `plenums` stand between valves and pipes'
                 flanges = ", ".join(line.piping.flanges)
@@ -269,6 +273,7 @@ class Cylinder(AbstractGas):
         if not self.later_stages:
             return self.crank_end.rod_diameter
         ends = [self.stage(number).crank_end for number in self.stages]
+        # a cylinder without a crank end has a rod of no area
         return jnp.stack([jnp.zeros(()) if end is None else end.rod_diameter for end in ends])
 
     def entries_of_ends(self) -> Iterator[str]:
@@ -381,6 +386,7 @@ def _check_pressures_between(cylinder: Cylinder) -> None:
     if between is None or is_traced(between):
         return
     _check_dry_coolers(plain_values)
+    # every stage compresses, so that pressures rise from line to line
     rises = jnp.diff(jnp.concatenate([low[None], between, high[None]]))
     if bool(jnp.any(rises <= 0)):
         bound = f"rising, > {low:.5g} Pa of the suction and < {high:.5g} Pa of the discharge line"
@@ -471,9 +477,11 @@ class _Limit(NamedTuple):
     def clipped(self) -> Float[Array, ""]:
         """The number moved inside."""
         low, high, low_open, high_open = self.bound
+        # a number on an open bound is outside: the bound is taken a millionth further in
         low = low * (1 + 1e-6 * low_open)
         high = high * (1 - 1e-6 * high_open)
         value = jnp.asarray(self.value)
+        # `clip` would pass on what is no number; a value inside stays the same to the last bit
         moved = clip(jnp.nan_to_num(value), low, high)
         return jnp.where(jnp.asarray(self.holds()), value, moved)
 
@@ -521,6 +529,7 @@ def _suction_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     if isinstance(fluid, Mixture):
         why = f"{why}, which {fluid.range_ends_with} ends"
     if line.temperature is not None:
+        # heating comes on top: the gas at the valve has to be within the range as well
         inside = Bound(low, high - heated)
         yield _Limit("suction.temperature", line.temperature, inside, "K", why)
     if line.superheat is not None:
@@ -557,6 +566,7 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     dew = _dew(fluid, line.pressure, line.condensing)
     if line.temperature is not None:
         least = dew - _NEAR
+        # by NumPy outside of a trace, so that checks compile nothing
         tools = jnp if is_traced(least) else np
         inside = Bound(tools.maximum(low, least), high)
         why = f"dew temperature and range of {_name(fluid)}"
@@ -567,6 +577,7 @@ def _discharge_limits(cylinder: Cylinder) -> Iterator[_Limit]:
     if line.liquid_temperature is not None:
         highest = boiling + _NEAR  # traced within `jit`, even where the bubble temperature is known
         tools = jnp if is_traced(highest) else np
+        # saturation ends at the critical point, where liquid and gas are one
         highest = tools.minimum(highest, 0.9999 * fluid.critical_temperature)
         why = f"triple point of {fluid.name} and saturation at the discharge pressure"
         inside = Bound(low, highest)
@@ -621,6 +632,7 @@ def _ports_of_stage(stage: Cylinder | Stage, area) -> tuple[Bool[Array, "*k"], .
     valves = stage.suction_valve, stage.discharge_valve
     if stage.crank_end is None:
         return tuple(valve.port_area < area for valve in valves)
+    # ports of the crank end lie in the ring around the rod
     around = area - jnp.pi / 4 * stage.crank_end.rod_diameter**2
     at_crank = stage.crank_end.suction_valve, stage.crank_end.discharge_valve
     return tuple(
@@ -644,12 +656,16 @@ class Pace(eqx.Module):
         """The excess [-] at a crank angle [rad] of any revolution, with all derivatives."""
         first = self.edges[0]
         revolution = 2 * np.pi
+        # edges are those of one revolution, an angle may be of any; all edges are compared at
+        # once, where a binary search would be a loop within every evaluation of the rates
         turned = first + jnp.mod(angle - first, revolution)
         panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
         panel = clip(panel, 0, self.edges.size - 2)
         start = self.edges[panel]
         width = self.edges[panel + 1] - self.edges[panel]
         wide = width > 0
+        # double where: a panel of no width has no inside, and the slope of its quotient is no
+        # number
         x = jnp.where(wide, (turned - start) / jnp.where(wide, width, 1.0), 0.5)
         count = self.excess.shape[-1]
         terms = gauss(count).to_legendre @ self.excess[panel]
@@ -664,6 +680,8 @@ class Pace(eqx.Module):
         widths = jnp.diff(self.edges)
         count = self.excess.shape[-1]
         rule = gauss(count)
+        # panels before the one of the angle by Gauss's rule, the beginning of that one by its
+        # polynomials
         panel_lags = widths * (self.excess @ rule.weights)
         before = jnp.concatenate([jnp.zeros(1), jnp.cumsum(panel_lags)])
         wide = widths[panel] > 0
@@ -725,6 +743,7 @@ class Case(eqx.Module):
 
     def speed_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
         """[rad/s]"""
+        # excess is that of the time, so the speed has it in the denominator
         return self.speed / (1 + (0 * angle if self.pace is None else self.pace.at(angle)))
 
     def volume(self, angle: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -732,6 +751,7 @@ class Case(eqx.Module):
         position, position_1, _ = self.mechanism.piston(angle)
         area = self.mechanism.piston_area
         clearance = self.cylinder.clearance_ratio * self.swept
+        # a position counts towards the cover: while it grows, the volume shrinks
         return area * (self.top - position) + clearance, -area * position_1
 
 
@@ -762,6 +782,7 @@ def prepare(cylinder: Cylinder, mechanism, speed, pace: Pace | None = None) -> C
         discharge,
         isentropic,
         comes,
+        # with the ratio at which a flow out of them chokes, once for all angles
         (side_of(suction), side_of(discharge)),
         top,
         mechanism.swept_volume,

@@ -110,6 +110,7 @@ class Cylinders(eqx.Module):
     @property
     def stride(self) -> int:
         """States of one cylinder."""
+        # a wall moves from one revolution to the next, which a run in time does not have
         moving = self.cases.cylinder.walls is not None and not self.in_time
         return STATES + (OF_WALL if moving else 0)
 
@@ -129,6 +130,7 @@ class Cylinders(eqx.Module):
         """A cylinder as large as all together, for the scales of lines and plenums."""
         if self.count == 1:
             return self.cases
+        # lines and plenums are the same for all, so the first has them
         first = jax.tree.map(lambda leaf: leaf[0], self.cases)
         return eqx.tree_at(lambda case: case.swept, first, jnp.sum(self.cases.swept))
 
@@ -166,6 +168,8 @@ class Cylinders(eqx.Module):
         pressures, pair = self._around_cylinders(angle, plenums)
 
         def cylinder_rates(case, angle, state, flags, *pressures):
+            # a row of pressures for each cylinder, or no argument at all between constant lines:
+            # `each` maps over whatever there is
             lines = self.sides(case, pressures[0]) if pressures else None
             return rates(case, angle, state, flags, speed=speed, pair=pair, lines=lines)
 
@@ -179,6 +183,8 @@ class Cylinders(eqx.Module):
         slopes = of_each.state.ravel()
         if pair is not None:
             shared = self.shared
+            # plenums are shared: they see the sum of what all cylinders draw and deliver, at the
+            # pace of the first one, by whose own angle the shared case counts
             streams = jnp.sum(of_each.streams, axis=0)
             pace = shared.speed_at(self.own_angle(angle)[0]) if speed is None else shared.speed
             of_chains = chain_rates(shared, pair, plenums, streams, pace)
@@ -214,6 +220,8 @@ class Cylinders(eqx.Module):
         """Rates of mass and temperature, and of the accounts of leakage, by gas past the rings."""
         own_angle = self.own_angle(angle)
         gases = self.each(gas_in, own_angle, states)
+        # either end computes the flow by itself, with its neighbour behind: both are alike but for
+        # the sign
         behind = jax.tree.map(_of_other_end, gases)
 
         def ring_flow(case, angle, state, inside, behind):
@@ -256,6 +264,8 @@ class Cylinders(eqx.Module):
                 parts = [cylinder_rates.state, cylinder_rates.events]
                 return jnp.concatenate([*parts, cylinder_rates.streams] if q else parts)
 
+            # the directions on which a cylinder depends at all; by states of other cylinders its
+            # rates have no slope
             packed = jnp.concatenate([angle[None], state, plenums] if q else [angle[None], state])
             return in_angle_and_state(case, law, packed)
 
@@ -269,6 +279,8 @@ class Cylinders(eqx.Module):
             if k == 1:
                 return rows[0, :, 1:], rows[0, :, 0]
             diagonal = np.arange(k)
+            # blocks of each cylinder along the diagonal; the columns of the shared plenums stand
+            # behind them
             wide = (
                 jnp.zeros((k, rows.shape[1], k, m))
                 .at[diagonal, :, diagonal]
@@ -294,6 +306,7 @@ class Cylinders(eqx.Module):
 
             of_chains = own_angle[0], plenums, jnp.sum(streams, axis=0)
             with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*of_chains)
+            # chain rule: plenums feel the cylinders through their streams alone
             through = jnp.einsum("qa,kac->kqc", with_streams, of_streams)
             rows, turned = among_all(through)
             rows = rows.reshape(k, q, -1).sum(0)
@@ -390,6 +403,8 @@ class Cylinders(eqx.Module):
             for cylinders, column in columns:
                 row = np.zeros((self.count, STREAMS))
                 row_of_plenums = np.zeros(4)
+                # at such a flange flows what passes the neck next to the line; what passes the
+                # valves does not reach it at once
                 if has_plenums:
                     row_of_plenums[column] = 1
                 else:
@@ -436,6 +451,7 @@ class Cylinders(eqx.Module):
         counts = [numbers.max() + 1 for numbers in flanges]
         starts = np.cumsum([0, *counts])
         lines = len(flanges)
+        # 1 where a cylinder stands at a flange: cylinders at one flange share its columns
         selection = np.zeros((self.count, lines, starts[-1]))
         for line, numbers in enumerate(flanges):
             selection[np.arange(self.count), line, starts[line] + numbers] = 1
@@ -472,6 +488,8 @@ class Cylinders(eqx.Module):
         flags = flags.reshape(-1, FLAGS)
         values, slopes = self.each(cylinder_slopes, self.own_angle(angle), states, flags, pressures)
         of_pressures = slopes[:, :, 1 + m + q :]
+        # total slopes over the angle: flange pressures move with it as well, by their series in
+        # time
         by_angle = slopes[:, :, 0] + jnp.einsum("krl,kl->kr", of_pressures, pressures_1)
 
         def among_all(rows: Float[Array, "k r c"]):
@@ -503,6 +521,7 @@ class Cylinders(eqx.Module):
         if self.leaks_between:
             of_states = self._with_ring_flows(angle, states, of_states)
         of_valves, of_necks = map(jnp.asarray, self.observation())
+        # flows with all their slopes at once, in columns: value, angle, states, pressures
         observed = of_valves @ jnp.column_stack(of_streams)
         if q:
             of_flange = pressures[0], pressures_1[0]
@@ -584,6 +603,7 @@ class Cylinders(eqx.Module):
     def jump(self, event, code, state) -> Float[Array, " n"]:
         """The states after an event; see `_events.jump`."""
 
+        # less its own numbers an event of another cylinder is outside 0 to 7, where nothing jumps
         def jump_of_cylinder(case, place, state):
             return jump(case, event - EVENTS * place, code, state)
 
@@ -600,6 +620,7 @@ class Cylinders(eqx.Module):
         shape = (self.count, -1)
         arguments = jnp.arange(self.count), states, flags.reshape(shape), force.reshape(shape)
         code, new = self.each(after_of_cylinder, *arguments)
+        # one cylinder at most has the event; the code of all others is 0
         return max_of(code), new.ravel()
 
     def towards(self, state, events) -> Bool[Array, " e"]:
@@ -620,6 +641,8 @@ class Cylinders(eqx.Module):
         def of_each(pair):
             return jnp.stack([self.parted(values)[0] for values in pair], axis=1)
 
+        # the first of all cylinders decides: behind its contact the step means nothing for the
+        # others
         own_flags = flags.reshape(self.count, -1)
         return min_of(self.each(passed_by_cylinder, of_each(ends), of_each(slopes), own_flags))
 
@@ -636,6 +659,7 @@ class Cylinders(eqx.Module):
             totals: of the accounts over it.
         """
         states, plenums = self.parted(state)
+        # in kilograms and joules, as the scales of the cylinders may differ
         sums = Accounts(*jnp.sum(totals * self.each(account_scales), axis=0))
         through_suction = PassedGas(sums.suction, sums.suction_back, sums.suction_heat)
         through_discharge = PassedGas(sums.discharge, sums.discharge_back, sums.discharge_heat)
@@ -647,6 +671,7 @@ class Cylinders(eqx.Module):
         of_cylinders = self.count * self.stride
         states = values[..., :of_cylinders].reshape(*values.shape[:-1], self.count, self.stride)
         states = jnp.moveaxis(states, -2, 0)
+        # behind the states of each, where a cylinder alone has its plenums
         plenums = jnp.broadcast_to(
             values[..., of_cylinders:], (*states.shape[:-1], values.shape[-1] - of_cylinders)
         )

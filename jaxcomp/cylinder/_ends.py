@@ -72,6 +72,7 @@ def grouping(cylinder: Cylinder, count: int) -> Grouping:
         return Grouping(ends, sides, count if touching else ends)
     if cylinder.plenums or is_piped(cylinder):
         return Grouping(ends, sides, 1)
+    # between constant lines ends touch past the rings alone: head and crank end of one cylinder
     return Grouping(ends, sides, ends if cylinder.leakage is None or sides == 1 else count)
 
 
@@ -99,6 +100,7 @@ def phase_of_ends(cylinder: Cylinder, phase: Float[Array, " k"]) -> Float[Array,
     """
     if cylinder.crank_end is None:
         return phase
+    # the crank end compresses half a revolution after the head end, and counts from there
     return (phase[:, None] + jnp.asarray([0.0, np.pi])).ravel()
 
 
@@ -145,6 +147,7 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
         for gas_side, piston in _ends_of_cylinder(of_stages[stage - 1], mechanism):
             cylinders.append(gas_side)
             pistons.append(piston)
+    # settings are numbered over all ends, so that these must stand in their order first
     cylinders = _controlled(cylinder, cylinders, pistons)
     _check_kinds(cylinders)
     kinds = grouping(cylinder, len(mechanisms))
@@ -180,6 +183,7 @@ def _controlled(
             valve = rebuilt(valve, unloader=replaced(unloader or like, force=force))
         clearance = end.clearance_ratio
         if end.pocket is not None and settings.pockets is not None:
+            # an open pocket is more clearance, in parts of this end's own swept volume
             clearance += settings.pockets[number] * end.pocket.volume / piston.swept_volume
         controlled.append(
             rebuilt(
@@ -282,6 +286,8 @@ def _check_delivering(parts: list[_EndParts], path: str, values: Float[Array, " 
     """Refuse a stage of which every end is held open over the whole revolution."""
     delivering = set()
     for part, value in zip(parts, np.asarray(values), strict=True):
+        # an unloader that lets go within the revolution leaves a delivery; an end that is set to 1
+        # has one, as has been checked before
         if value != 1 or part.unloader.release is not None:
             delivering.add(part.stage)
     for part in parts:
@@ -303,6 +309,7 @@ def between_lines(cylinder: Cylinder) -> list[Cylinder]:
     discharges = []
     for cooler, pressure in zip(coolers, cylinder.interstage_pressure, strict=True):
         suctions.append((pressure, cooler.outlet_temperature, cooler.behind))
+        # the stage before has to raise what its cooler takes
         discharges.append((pressure + cooler.pressure_drop, cooler.before))
     discharges.append((delivery.p, cylinder.discharge.plenums))
     stages = [cylinder, *cylinder.later_stages]
@@ -353,6 +360,7 @@ def _ends_of_cylinder(
     # The gap past the piston lies between the ends; what leaves them is past the packing.
     rings = cylinder.leakage
     packing = crank_end.packing
+    # no rod passes the head end; a packing without a gap keeps the parts of both ends of one kind
     closed = None if packing is None else replaced(packing, gap=jnp.zeros(()))
     clearance = crank_end.clearance_ratio
     head = rebuilt(cylinder, crank_end=None, leakage=closed)
@@ -399,12 +407,15 @@ def guessed_pressures(cylinder: Cylinder, mechanisms) -> Float[Array, " s"]:
         area = mechanism.piston_area
         end = cylinder.stage(stage).crank_end
         if end is not None:
+            # both ends draw, the crank end around its rod
             area = 2 * area - jnp.pi / 4 * end.rod_diameter**2
         swept[stage - 1] = swept[stage - 1] + area * mechanism.stroke
     first = cylinder.suction.state(cylinder.fluid)
     delivery = cylinder.discharge.states(cylinder.fluid, first)[0]
     pressures = []
     for number, stage in enumerate(cylinder.later_stages, 1):
+        # the same mass a revolution fills both stages: p V/T is the same, in a perfect gas without
+        # losses
         ratio = swept[0] / swept[number] * stage.cooler.outlet_temperature / first.T
         # Between the lines, with something left for every stage.
         share = clip(jnp.log(ratio) / jnp.log(delivery.p / first.p), 0.0, 1.0)

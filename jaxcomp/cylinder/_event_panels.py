@@ -80,6 +80,8 @@ def lay_mesh(record: Record, panels: int, nodes: int, kinks: Callable | None = N
     steps = jnp.zeros(panels).at[jnp.where(used, interval, panels)].add(1.0, mode="drop")
     exists = jnp.arange(panels) < count
 
+    # spare panels go one by one to the interval of which each panel holds most steps: where the
+    # march took short steps the solution bends most
     def add(_, share):
         # an interval of no width wants none
         return share.at[jnp.argmax(jnp.where(exists, steps / share, -1.0))].add(1)
@@ -93,6 +95,8 @@ def lay_mesh(record: Record, panels: int, nodes: int, kinks: Callable | None = N
     of = clip(jnp.searchsorted(ends, panel, side="right"), 0, panels - 1)
     within = panel - (ends - share)[of]
     first_row = (jnp.cumsum(steps) - steps)[of]
+    # edges between events stand by number of step, not by angle, so that they gather where the
+    # steps are short
     place = first_row + steps[of] * within / share[of]
     row = clip(place.astype(int), 0, record.angle.size - 1)
     edges = record.angle[row] + (place - row) * record.width[row]
@@ -115,6 +119,7 @@ def lay_mesh(record: Record, panels: int, nodes: int, kinks: Callable | None = N
     # the last point's row is the panel's own: rows of no width share an angle
     angle, _ = point_angles(edges, nodes)
     points = jax.vmap(jax.vmap(at))(angle)
+    # the state before the jump: at the angle of an event the cubic of the next step has jumped
     ended = jnp.where(ends_interval[:, None], record.end[last_row], points[:, -1])
     unknowns = Unknowns(points.at[:, -1].set(ended), jax.vmap(at)(edges[:-1], row), edges)
     return Layout(mesh, unknowns, kink_distance)
@@ -150,6 +155,7 @@ def _with_kinks(
     before = values[:, :-1]
     after = values[:, 1:]
     crosses = (before > 0) != (after > 0)
+    # by the straight line between two points, as an edge near the kink is enough
     share = before / jnp.where(crosses, before - after, 1.0)
     gaps = jnp.diff(angle, axis=1)[..., None]
     places = jnp.where(crosses, angle[:, :-1, None] + share * gaps, jnp.inf)
@@ -161,6 +167,8 @@ def _with_kinks(
     right_is_free = jnp.concatenate([is_free, jnp.zeros(1, bool)])
     takes_left = is_inside & left_is_free & (nearer_left | ~right_is_free)
     takes_right = is_inside & right_is_free & ~takes_left
+    # where both panels beside an edge want it, the one before it has it; the other kink stays
+    # within its panel, which the distance tells
     inner = jnp.where(takes_left[1:], place[1:], edges[1:-1])
     inner = jnp.where(takes_right[:-1], place[:-1], inner)
     moved_edges = edges.at[1:-1].set(inner)
@@ -250,6 +258,8 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
     panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
     column = clip(column, 1, x.size - 2)
+    # a parabola through the highest sample and its neighbours: an error of the place counts with
+    # its square
     before, middle, after = (samples[panel, column + i] for i in (-1, 0, 1))
     bend = before - 2 * middle + after
     shift = jnp.where(bend < 0, 0.5 * (before - after) / jnp.where(bend < 0, bend, 1.0), 0.0)
@@ -264,6 +274,8 @@ def last_terms(values: Float[Array, "*n m"]) -> Float[Array, "*n"]:
 
 def resolution(z: Unknowns) -> Float[Array, ""]:
     """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales."""
+    # velocities are left out: they are slopes of the lifts, with scales that say little of the
+    # flow
     states = z.points[..., jnp.asarray([0, 1, 2, 5])]
     wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
     terms = jnp.abs(jnp.einsum("kj,pjn->pkn", _to_series(states.shape[1])[-2:], states))
@@ -288,6 +300,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
     # slope at the end of a panel, from the values at its points
     count = z.points.shape[1]
     slope = legendre.legvander([1.0], count - 1)
+    # P_k'(1) = k (k + 1)/2, doubled since a panel has half the width of [-1, 1]
     slope = np.array([k * (k + 1) for k in range(count)]) * slope[0] @ _to_series(count)
     margins = []
     for which in range(2):
@@ -298,6 +311,7 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
             rate = states[..., 3 + 3 * which] * pace * (1 if place else -1)
             bend = rate[:, 1:] @ slope / wide
             touches = free & (mesh.event == 4 * which + place) & (bend < 0)
+            # height of the parabola on which the valve would have flown on beyond the contact
             would = rate[:, -1] ** 2 / (2 * jnp.where(touches, -bend, 1.0))
             turns = free[:, None] & (rate[:, :-1] > 0) & (rate[:, 1:] <= 0)
             share = rate[:, :-1] / jnp.where(turns, rate[:, :-1] - rate[:, 1:], 1.0)

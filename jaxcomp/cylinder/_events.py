@@ -33,6 +33,7 @@ def jump(case: Case, event: Int[Array, ""], code: Int[Array, ""], state: Float[A
         bounce = -getattr(valve, "restitution", jnp.zeros(())) * v
         x = jnp.where(at > 0, 1.0 * (event % 4 == 1), x)
         v = jnp.where(at == 3, bounce, jnp.where(at > 0, 0.0, v))
+        # the gas in a port begins from rest when its valve lifts, and is idle once it is shut
         parts.append(jnp.stack([x, v, jnp.where(at == 1, 0.0, u)]))
     return jnp.concatenate([*parts, state[STATES:]])
 
@@ -51,6 +52,8 @@ def after_event(case: Case, event, state, flags, force):
         rebound = jnp.abs(plate.restitution * state[3 + 3 * which] * scale)
         rests = rebound < plate.rest_speed(scale)
         pressed = force[which] <= 0
+        # a slow valve rests where the force presses it on; where the force pulls it away it sets
+        # off again from there, without the last small bounces
         at_seat = (event == first) & (mode == FREE)
         at_stop = event == first + 1
         lifts = (event == first) & (mode == SEAT)
@@ -58,6 +61,8 @@ def after_event(case: Case, event, state, flags, force):
         stays = at_stop & rests & ~pressed
         code = jnp.where(lifts | shuts, 1, code)
         code = jnp.where((at_seat | at_stop) & ~shuts, jnp.where(rests, 2, 3), code)
+        # that function is a force where the valve rests: its sign ends the rest, at the seat as on
+        # the stop
         leaves = (event == first) & (mode != FREE)
         mode = jnp.where(leaves, FREE, jnp.where(shuts, SEAT, jnp.where(stays, STOP, mode)))
         u_sign = jnp.where(lifts, 1, jnp.where(event == first + 2, -u_sign, u_sign))

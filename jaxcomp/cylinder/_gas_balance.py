@@ -116,6 +116,8 @@ def gas_in(case: Case, angle, state: Float[Array, " 8"]) -> GasState:
 def temperature_and_density(case: Case, angle, state: Float[Array, " 8"]):
     """[K] and [kg/m^3]; a state that is out of all bounds is brought back to finite values."""
     low, high = case.cylinder.fluid.temperature_range
+    # up to twice the range, and not to its end: gas that is hotter than its equation was fitted
+    # for must still show in the status
     T = clip(state[1] * case.suction.T, low, 2 * high)
     volume, _ = case.volume(angle)
     rho = maximum(state[0], 1e-6) * case.mass_scale / volume
@@ -130,6 +132,8 @@ def valve_scales(case: Case, which: int):
 def scales_of(case: Case, valve: AbstractValve):
     """Scales of lift [m], velocity [m/s] and port velocity [m/s] of a valve."""
     moving = valve.oscillator
+    # a velocity over `lift * speed` is the rate of the lift over the crank angle; that of the port
+    # is over the speed of sound, but for the root of kappa
     lift = jnp.ones(()) if moving is None else moving.stop
     return lift, lift * case.speed, jnp.sqrt(case.suction.p / case.suction.rho)
 
@@ -168,6 +172,7 @@ def rates(
     spin = turning, case.speed
     if speed is not None:
         pace = case.speed
+        # dV/dt over the mean speed: nothing is divided by the speed of a crank that stands
         volume_1 = volume_1 * (speed / pace)
         spin = (maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
     # within a revolution the wall's temperature does not vary
@@ -179,6 +184,7 @@ def rates(
     # the sign of the suction valve's difference, where that is the one to the line
     follows = cylinder.inert and pair is None and lines is None
     inward = flags[2] > 0 if follows else None
+    # the crankcase has the gas of the line, whatever swings in pipes and plenums before the valve
     leak, leak_enthalpy = _leakage(case, inside, case.lines[0], inward, transport)
     heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
 
@@ -187,6 +193,8 @@ def rates(
     carried = valves.flow * valves.enthalpy
     mass_1 = (valves.flow[0] - valves.flow[1] - leak) / pace
     gained = carried[0] - carried[1] - leak * leak_enthalpy + heat
+    # with temperature and density as states the equation of state need not be inverted; energy
+    # then closes to the error of the collocation, where mass closes to rounding
     energy_1 = (
         -gas.T * gas.dp_dT * (volume_1 - mass_1 / gas.rho) - inside.h * mass_1 + gained / pace
     )
@@ -271,6 +279,8 @@ def _accounts(
     back = -minimum(masses, 0.0)
     lost = is_open * worked
     return Accounts(
+        # work and losses of the gas: dV is positive while it is drawn and negative while it is
+        # pushed out, so that either loss is positive
         work=inside.p * worked,
         suction=masses[0],
         discharge=masses[1],
@@ -313,6 +323,8 @@ def _valve(
     is_open = unity
     force = jnp.zeros(())
     events = [unity] * 4
+    # a decay and not zero: a state that never moved would be periodic with any value, and leave
+    # the matrix of the revolution singular
     x_1 = -_IDLE * x
     v_1 = -_IDLE * v
     if moving is not None:
@@ -332,6 +344,8 @@ def _valve(
         scale = moving.mass * velocity * pace
         x_1 = jnp.where(free, v * case.speed / pace, -_IDLE * (x - 1.0 * (mode == STOP)))
         v_1 = jnp.where(free, pull / scale, v_1)
+        # one function for three events: a free plate is back at x = 0, one on the seat is lifted
+        # as the force on it turns positive, one on the stop leaves as it turns negative
         first = jnp.where(free, x, jnp.where(seated, -force, force))
         events[:2] = [first, jnp.where(free, 1 - x, unity)]
         x = place
@@ -350,6 +364,8 @@ def _valve(
         u_1 = jnp.where(is_open > 0, u_1, -_IDLE * u)
         flow = area * throat_density(a, b, p_sign, u_sign) * speed_in_port
         forward = u_sign > 0
+        # branches follow these signs and not the values: the laws stay smooth beyond a reversal,
+        # until the march has located it and the signs change
         watched = is_open > 0
         events[2] = jnp.where(watched, u_sign * u, unity)
         events[3] = jnp.where(watched | known_shut, p_sign * difference, unity)
@@ -401,6 +417,8 @@ def _heat(case: Case, angle, gas: GasState, volume, volume_1, spin, valves, tran
     mu = transport[0] if law.viscosity is None else law.viscosity
     conductivity = transport[1] if law.conductivity is None else law.conductivity
     area = case.mechanism.piston_area
+    # piston and head, then the bore down to the piston; with the gap D - d of a crank end that is
+    # the area of bore and rod together
     wall_area = 2 * area + 4 * volume / case.gap_between_walls
     at = HeatInput(
         rho=gas.rho,
@@ -435,6 +453,8 @@ def in_angle_and_state(case: Case, law, packed: Float[Array, " m"]):
     Returns:
         (a,) and (a, m).
     """
+    # what the balances read of a gas: enthalpy, c_p and kappa follow from these, and entropy is
+    # not among them
     columns = ("p", "u", "c_v", "dp_dT", "dp_drho")
     fluid = case.cylinder.fluid
 
@@ -463,9 +483,12 @@ def initial(case: Case, angle) -> tuple[Float[Array, " n"], Int[Array, " 6"]]:
     """A guess: valves shut, gas of the suction line, compressed as far as the discharge valve lets it."""
     volume, volume_1 = case.volume(angle)
     full = (1 + case.cylinder.clearance_ratio) * case.swept
+    # kappa of a real gas is no exponent near saturation, and a guess needs only a plausible one
     squeeze = (full / volume) ** (clip(case.suction.kappa, 1.01, 1.7) - 1)
     high = case.isentropic
     low = case.suction
+    # compressed beyond the discharge pressure the valve would have opened: what is left then has
+    # the density at the end of the isentropic compression
     mass = minimum(full / case.swept, high.rho / low.rho * volume / case.swept)
     warm = minimum(squeeze, high.T / low.T)
     outward = volume_1 > 0  # the piston draws in

@@ -56,6 +56,8 @@ def _wet(cycle: Cycle, stage: int) -> str:
     else:
         T = np.asarray(cycle.temperature)
         p = np.asarray(cycle.pressure)
+        # gas close to the dew line may be a little below it and not count as wet, by the error of
+        # that curve
         is_wet = np.asarray(fluid.is_wet(cycle.temperature, cycle.mass / cycle.volume))
         below = np.where(is_wet, np.asarray(fluid.condensation_temperature(p)) - T, -np.inf)
         worst = int(np.argmax(below))

@@ -51,6 +51,7 @@ def _lines_at_rest(cylinder: Cylinder, mechanism, speed, count: int) -> Iterator
         # the pipes have the gas as it comes, whatever warms it behind them
         cylinder = rebuilt(cylinder, suction=rebuilt(suction, warming=None))
     case = prepare(cylinder, mechanism, speed)
+    # the square law of orifices is linear about the usual flow of all cylinders together
     case = eqx.tree_at(lambda case: case.swept, case, count * case.swept)
     lines = zip(LINES, lines_of(case), waves_at_rest(cylinder), strict=True)
     for name, line, waves in lines:

@@ -148,6 +148,8 @@ class DischargeLine(Part):
                 # Below the bubble point: a blend that is at its dew point has only begun to condense.
                 subcooling = 0.0 if self.subcooling is None else self.subcooling
                 temperature = saturated.T_bubble - subcooling
+        # double where: computed at a temperature that has a liquid, or what is no number would
+        # enter the derivatives of all other points
         is_liquid = temperature < fluid.critical_temperature
         below = jnp.where(is_liquid, temperature, 0.99 * fluid.critical_temperature)
         return jnp.where(is_liquid, fluid.liquid(below, pressure).h, jnp.nan)
@@ -155,6 +157,8 @@ class DischargeLine(Part):
     def states(self, fluid: AbstractFluid, suction: GasState) -> tuple[GasState, GasState]:
         """The gas in the line, and the end of the isentropic compression to its pressure."""
         pressure, _ = _pressure(fluid, self.pressure, self.condensing)
+        # gas that flows back is nearly that which was pushed out: without a temperature the end of
+        # the isentropic compression stands for it
         isentropic = fluid.at_entropy(pressure, suction.s, suction)
         if self.temperature is None:
             return isentropic, isentropic
@@ -174,6 +178,8 @@ def by_dew_points(
     """
     if not has_dew_line(fluid):
         raise TypeError("mean temperatures of heat exchangers need a real gas with a dew line.")
+    # the condenser first: the quality of what enters the evaporator, and so its mean temperature,
+    # follows from the liquid that leaves the condenser
     if discharge.condensing is not None:
         discharge = rebuilt(discharge, condensing=fluid.dew_of_mean(discharge.condensing))
     if suction.evaporating is not None:
@@ -185,6 +191,7 @@ def by_dew_points(
 
 def _pressure(fluid, pressure, dew, superheat=None):
     """Pressure and dew temperature; the latter only where it is needed."""
+    # saturation only where something needs it: above the critical pressure there is none
     if pressure is None or superheat is not None:
         if not has_dew_line(fluid):
             raise ValueError("a rating point by dew temperatures needs a real gas with a dew line.")

@@ -142,16 +142,19 @@ def stretch(
         watched: [rad] the same without a mark: a step that dips beyond an event and out again does not
             pass over them.
     """
+    # the floor keeps the search away from the rounding of the event functions
     at_event = clip(_LOCATED * tolerance, 1e-11, _LOCATED_AT_MOST)
     route = _Route(law, stop, tolerance, at_event, capacity, knots, watched)
 
     def going_on(carry: _Carry):
         return (
+            # a sum of widths misses the end by rounding
             (carry.angle < stop - 1e-13) & (carry.passes < max_passes) & law.going_on(carry.flags)
         )
 
     begin = _beginning(route, start, state, flags)
     end = lax.while_loop(going_on, partial(_advance, route), begin)
+    # with no tries counted: a march that was given up after too many of them has not ended
     ended = ~going_on(end._replace(passes=begin.passes))
     return Stretch(
         angle=end.angle,
@@ -180,6 +183,8 @@ class _Route(NamedTuple):
         """[rad] From an angle to the end or to the next angle at which a step ends."""
         distance = self.stop - angle
         for place in (*self.knots, *self.watched):
+            # rounding may have left a step just short of a place: it counts as reached, or the
+            # next step would have no width
             is_ahead = place > angle + _AT_KNOT
             distance = jnp.where(is_ahead, minimum(distance, place - angle), distance)
         return distance
@@ -301,7 +306,11 @@ def _attempt(route: _Route, carry: _Carry) -> _Attempt:
     _, _, force = jax.eval_shape(law.rates, carry.angle, carry.state, carry.flags)
     empty = jnp.zeros((7, carry.state.size))
     work = (empty, carry.state, carry.events, jnp.zeros(force.shape))
+    # the seventh stage is the end of the step itself: its state is the result, and its slope,
+    # event functions and forces are those there
     slopes, state, events, force = lax.fori_loop(0, 7, stage, work)
+    # states are over their scales: the error is absolute below one and relative above, as of a
+    # light plate's velocity, which may be a thousand
     error = max_of(jnp.abs(carry.width * _weighted(e, slopes)) / (1 + jnp.abs(carry.state)))
     error = jnp.where(jnp.all(jnp.isfinite(state)), error / route.tolerance, jnp.inf)
     return _Attempt(slopes, state, events, force, error)
@@ -319,6 +328,7 @@ def _judged(route: _Route, carry: _Carry, tried: _Attempt) -> _Verdict:
     ends = (carry.state, tried.state)
     slopes = (tried.slopes[0], tried.slopes[6])
     share = law.passed(ends, slopes, carry.width, carry.flags, least)
+    # a trial within a bracket is shorter than the step that opened it, whose error was small
     small = (tried.error <= 1) | search.active
     returns = small & jnp.isfinite(tried.error) & (share < 1)
     good = small & ~returns
@@ -326,6 +336,8 @@ def _judged(route: _Route, carry: _Carry, tried: _Attempt) -> _Verdict:
     narrow = search.active & (search.high - search.low < _NARROW)
     near = search.active & jnp.all(events > -least) & jnp.any(jnp.abs(events) < least)
     located = near | (narrow & crossed)
+    # while an event is sought, only a step that ends at it stands: a shorter one would move the
+    # beginning of the bracket
     accept = good & (~crossed | located) & (~search.active | located)
     seeking = good & ~accept & (crossed | search.active)
     return _Verdict(
@@ -358,6 +370,7 @@ def _sought(
 def _next_widths(route: _Route, carry: _Carry, error, angle, longest):
     """[rad] Of the next step from an angle, and what is proposed for the one after an event."""
     seeks = carry.search.active
+    # the difference to the embedded method of order 4 goes with the fifth power of the width
     factor = clip(0.9 * maximum(error, 1e-10) ** -0.2, 0.2, 5.0)
     factor = jnp.where(jnp.isfinite(error), factor, 0.2)
     # the width of a step that ends at an event says nothing of the error
@@ -406,6 +419,7 @@ def within_steps(record: Record, angle, row=None):
         row = clip(
             jnp.searchsorted(record.angle, angle, side="right") - 1, 0, record.angle.size - 1
         )
+    # double where: rows of no width, as those between two events at one place, have no share
     width = record.width[row]
     t = jnp.where(width > 0, (angle - record.angle[row]) / jnp.where(width > 0, width, 1.0), 0.0)
     ends = record.begin[row], record.end[row]
@@ -420,6 +434,7 @@ def _weighted(weights, slopes):
 def _first(at_low, at_high):
     """The event that comes first between two ends, and where, by straight lines."""
     crossing = at_high < _CROSSED
+    # what is negative at the lower end already has happened first of all: its share is zero
     drop = jnp.where(crossing, at_low - at_high, 1.0)
     fraction = jnp.where(crossing, maximum(at_low, 0.0) / maximum(drop, 1e-300), jnp.inf)
     which = jnp.argmin(fraction)

@@ -102,6 +102,7 @@ class PipedLines(AbstractLines):
         def stand_still(_):
             return jax.tree.map(jnp.zeros_like, waves)
 
+        # before the first linearisation there are no factors to step with
         change = lax.cond(memory.is_linearised, step, stand_still, None)
         parts = [max_of(jnp.abs(part)) for part in jax.tree.leaves(change) if part.size]
         size = max_of(jnp.stack(parts))
@@ -113,6 +114,8 @@ class PipedLines(AbstractLines):
         assert approach is not None
         is_new = report.steps > 0
         return Memory(
+            # factors of the first linearisation in a round, nearest to the march that the next
+            # steps follow
             border=jax.tree.map(partial(jnp.where, is_new), report.border, memory.border),
             is_linearised=memory.is_linearised | is_new,
             sizes=jnp.where(is_new, jnp.inf, jnp.append(memory.sizes[1], approach.size)),

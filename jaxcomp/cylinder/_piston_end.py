@@ -64,11 +64,13 @@ class PistonEnd(eqx.Module):
 
     def piston(self, angle: Float[Array, "*n"]):
         """Position [m] towards the cover of this end, and both derivatives, at its crank angles [rad]."""
+        # towards the other cover all of position, speed and acceleration change their sign
         return tuple(self.sense * value for value in self.mechanism.piston(angle - self.turn))
 
     def piston_extremes(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Position [m] next to the cover of this end, and away from it."""
         top, bottom = self.mechanism.piston_extremes()
+        # the crank end has its least volume where the piston is furthest from the head
         head = self.sense > 0
         return jnp.where(head, top, -bottom), jnp.where(head, bottom, -top)
 

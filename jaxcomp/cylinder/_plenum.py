@@ -88,6 +88,8 @@ def chain_scales(case) -> Scales:
     """Scales of the plenums of a `Case`."""
     suction = case.cylinder.suction.plenums
     discharge = case.cylinder.discharge.plenums
+    # each over what it holds at the state of its line: states are near one, however large the
+    # volume
     mass = [p.volume * case.suction.rho for p in suction]
     mass += [p.volume * case.discharge.rho for p in discharge]
     return Scales(tuple(mass), case.suction.T, case.mass_scale * case.speed / (2 * jnp.pi))
@@ -181,7 +183,11 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
             go, away = along[i + 1]
             gained = come - go
             mass = gas.rho * plenum.volume
+            # the balance of the cylinder with V' = 0; its rate is in time, and over the angle by
+            # the pace below
             energy = gas.T * gas.dp_dT * gained / gas.rho - gas.h * gained + with_it - away
+            # the wall touches the plenum next to the valve: the last one before it, the first one
+            # behind it
             if walls is not None and i == (count - 1 if chain.inward else 0):
                 energy = energy + heat
             T = state[PER_PLENUM * (place + i) + 1]
@@ -257,6 +263,8 @@ def settled_states(
     for chain, gas_passed in zip(pair, passed, strict=True):
         for plenum, gas in zip(chain.plenums, chain.gases, strict=True):
             leaving = case.suction.h if chain.inward else gas.h
+            # enthalpy through the valves, less that of the same mass as the line brings it before
+            # the suction valve, and as the plenum gives it away behind the discharge valve
             lack = gas_passed.enthalpy - gas_passed.mass * leaving
             rise = lack / maximum(
                 gas_passed.mass + gas_passed.back, _LEAST_PASSED * case.mass_scale
@@ -268,6 +276,7 @@ def settled_states(
     if not factors:
         return state
     factor = jnp.stack(factors)
+    # at constant pressure a warmer plenum holds less gas, by about the same factor
     masses = columns[:, 0] / factor
     temperatures = columns[:, 1] * factor
     return jnp.stack([masses, temperatures, columns[:, 2]], axis=1).ravel()

@@ -121,6 +121,8 @@ class Pulsation(Result, eqx.Module):
         before_end = distance if is_turned else length - distance
         mean, amplitudes = line.ports(waves, flows)
         drag = line.drag(network, gas, waves.friction)
+        # from the end of the pipe back to the place, by the transfer of the piece between: nothing
+        # is solved again
         cut = eqx.tree_at(lambda n: n.length, network, network.length.at[number].set(before_end))
         share = before_end / length
         cut_drag = drag._replace(mean=drag.mean.at[number].multiply(share))
@@ -198,6 +200,8 @@ class Pulsation(Result, eqx.Module):
             flanges = [network.nodes[number] for number in network.flanges]
             for node in flanges:
                 name = self._name(side, node)
+                # API 618 counts in parts of the mean absolute pressure at the node, not of that in
+                # the line
                 value = peak_to_peak(series[name]) / (pressure + series[name][0])
                 limits.append(Limit(name, 0, value, flange_limit(ratio)))
             for number, node in enumerate(network.nodes):
@@ -214,6 +218,7 @@ class Pulsation(Result, eqx.Module):
                 for order in range(1, orders + 1):
                     frequency = order * self.case.speed / (2 * np.pi)
                     allowed = line_limit(gas.sound_speed, mean, diameter, frequency)
+                    # twice the amplitude, as the limit is one from peak to peak
                     value = 2 * spectra[name][order - 1] / mean
                     limits.append(Limit(name, order, value, allowed))
         return limits
@@ -258,6 +263,8 @@ class Pulsation(Result, eqx.Module):
             for name, element in zip(piping.run_names, piping.shaken, strict=True):
                 area = _area_of(network, element)
                 a, b = (series[self._name(side, node)] for node in element.ends)
+                # bends and plates close a run at its ends: the pressure at its second one pushes
+                # it forward
                 forces[self._name(side, name)] = area * (b - a)
         return forces
 
@@ -269,6 +276,8 @@ class Pulsation(Result, eqx.Module):
         for side, line, _ in self.lines:
             for node in line.piping.flanges:
                 name = self._name(side, node)
+                # a loss lowers the mean at a suction flange below that of its line, and raises it
+                # at a discharge flange above it
                 drops[name] = series[name][0] * (1.0 if side else -1.0)
         return drops
 
@@ -421,6 +430,8 @@ def peak_to_peak(series: Float[Array, " h"]) -> Float[Array, ""]:
     """Highest less lowest value of a series over a revolution."""
     cosine, sine = _waves_of(series)
     orders = cosine.size
+    # an extreme between two instants is missed by less than 1 % of the highest harmonic, and by
+    # far less of the others
     tau = 2 * np.pi * np.arange(_INSTANTS * orders) / (_INSTANTS * orders)
     # a table of numbers, which is no part of a program
     angle = np.arange(1, orders + 1) * tau[:, None]

@@ -67,6 +67,8 @@ def series_at(series: Float[Array, "*f h"], tau: Float[Array, ""]) -> Float[Arra
     cosine = jnp.cos(tau)
     sine = jnp.sin(tau)
 
+    # coefficients a - i b, from the highest order down; of the sum times e^{i tau} the real part
+    # counts
     def add_term(total, term):
         real = total[0] + term[0]
         imaginary = total[1] - term[1]
@@ -81,6 +83,7 @@ def series_at(series: Float[Array, "*f h"], tau: Float[Array, ""]) -> Float[Arra
 def machine_time(case: Case, phase, own_angle):
     """tau [rad] at an own angle of the first cylinder, and its rate over the angle."""
     tau = own_angle - phase
+    # a constant in the shape of the angle
     rate = 1 + 0 * own_angle
     if case.pace is not None:
         tau = tau + case.pace.lag(own_angle)
@@ -117,6 +120,7 @@ def _even(edges: Float[Array, " e"], nodes: int, orders: int) -> Quadrature:
     rule = gauss(nodes)
     numbers = np.arange(orders + 1.0)
     width = jnp.diff(edges)
+    # a of the formula above, for every panel and order
     place = width[:, None] / 2 * numbers
     bessel, slope = spherical_bessel(place, nodes)
     # i^k, as parts of the real and of the imaginary part
@@ -142,6 +146,9 @@ def _even(edges: Float[Array, " e"], nodes: int, orders: int) -> Quadrature:
 
     real = on_nodes(bessel, even)
     imaginary = on_nodes(bessel, odd)
+    # an edge moves the middle of its panel by half of its own way and the width by all of it:
+    # slopes over the left edge are half those over the middle less those over the width, over the
+    # right edge the sum
     share = place[:, None]
     values = turned(real, imaginary)
     moved = turned(-share * imaginary, share * real)
@@ -164,6 +171,7 @@ def _uneven(case: Case, phase, edges: Float[Array, " e"], nodes: int, orders: in
     def at(angle):
         return jax.vmap(density)(angle.ravel()).reshape(*angle.shape, -1)
 
+    # an edge moves the points, and stretches the panel that weighs them
     values, slopes = jax.jvp(at, (angle,), (jnp.ones_like(angle),))
     values = values * rule.weights[:, None]
     slopes = slopes * rule.weights[:, None] * width[:, None, None]
@@ -200,6 +208,8 @@ def spherical_bessel(x: Float[Array, "*n"], count: int):
     """
     border = max(_SERIES, count + 2)
     is_near = x < border
+    # double where: either branch is computed at an argument of its own range, as the series fails
+    # far out and the quotients at zero
     near = jnp.where(is_near, x, border)
     square = near**2
     coefficients = np.stack([_series_of_bessel(count), _series_of_bessel(count - 1)], axis=1)
@@ -234,6 +244,7 @@ def spherical_bessel(x: Float[Array, "*n"], count: int):
     _, by_recursion = lax.scan(higher, pair, jnp.asarray(factors[1:]))
     values = jnp.moveaxis(jnp.where(is_near, by_series, by_recursion), 0, -1)
     orders = np.arange(count)
+    # (2 k + 1) j_k' = k j_(k-1) - (k + 1) j_(k+1)
     below = jnp.roll(values, 1, axis=-1)[..., :count]
     # of j_0 the first of these counts nothing
     slopes = (orders * below - (orders + 1) * values[..., 1:]) / (2 * orders + 1)

@@ -90,6 +90,7 @@ class _Revolution(AbstractLaw):
 
     def rates(self, angle, state, flags):
         rates = self.system.rates(angle, state[: self.state_size], flags)
+        # accounts are integrated as states: a step that is too long for them is rejected as well
         slopes = jnp.concatenate([rates.state, rates.accounts.ravel()])
         return slopes, rates.events, rates.force
 
@@ -127,6 +128,7 @@ def _revolve(system: Cylinders, options, tolerance, watched: tuple, state, flags
         _bends(system),
         watched,
     )
+    # the wall moves between revolutions, and not with the gas within one
     next_state = system.next_revolution(end.state[: law.state_size])
     return end._replace(state=end.state.at[: law.state_size].set(next_state))
 
@@ -142,6 +144,8 @@ def _bends(system: Cylinders) -> tuple[Float[Array, ""], ...]:
     if unloader is None or unloader.release is None:
         return ()
     own_angle = unloader.bends().reshape(-1, system.count)
+    # from the own angle of each cylinder to that of the crank, within the revolution that is
+    # marched
     angle = START + jnp.mod(own_angle - system.phase - START, TURN)
     return tuple(angle.ravel())
 
@@ -163,6 +167,8 @@ def _repeated(
         end = new.state[: state.size]
         sums = new.state[state.size :].reshape(totals.shape)
         change = end - state
+        # by least squares the factor by which the slowest error shrinks; from 0.7 on what the
+        # series has left is more than twice the last change, and no more a correction
         share = jnp.sum(change * last_change) / maximum(jnp.sum(last_change**2), 1e-300)
         usable = (marched.revolutions > 0) & (jnp.abs(share) < 0.7)
         extrapolation = jnp.where(usable, share / (1 - jnp.where(usable, share, 0.0)), 0.0)
@@ -184,6 +190,8 @@ def _repeated(
             complete=new.complete,
             record=new.record,
             change=size,
+            # of a machine that alternates both changes cancel: its factor is about -1, beyond what
+            # is added
             change_of_two=max_of(jnp.abs(change + last_change)),
             revolutions=revolutions,
             passes=passes,

@@ -49,6 +49,7 @@ def laid(
     kinks = system.choking_margins
     layout = lay_mesh(end.record, options.panel_count, options.panel_nodes, kinks)
     events = count_events(end.record)
+    # a record that is not complete counts as one step too many
     steps = jnp.where(end.complete, 0, options.kept_steps + 1)
     fits = layout.mesh.fits & options.has_room(jnp.sum(events), steps)
     if options.may_grow and options.method == "collocation":
@@ -187,6 +188,7 @@ def _unless_marched(mesh: Mesh, approach: Approach | None) -> Mesh:
     """Panels that Newton's method leaves alone where another march follows."""
     if approach is None:
         return mesh
+    # Newton's method takes no step on panels that do not fit
     return mesh._replace(fits=mesh.fits & ~approach.goes_on)
 
 
@@ -257,6 +259,9 @@ def rounds_of(
             alternates=jnp.asarray(False),
             waves=new_waves,
         )
+        # a root with hardly any gas in a cylinder solves the equations, but no march may begin
+        # there; any other one is nearer to the cycle than the end of the march, though its
+        # branches may not hold
         least = min_of(new.left[:, system.columns(0, 1)])
         goes_on = sound & (least > 0.01)
         state = jnp.where(goes_on, new.left[0], end.state)
@@ -272,6 +277,8 @@ def rounds_of(
         # a step of the march may have dipped there beyond an event and out again; that of a start is
         # noted in the last row, which no other round reads
         watched = watched.at[rounds].set(jnp.where(goes_on, report.left_at, jnp.inf))
+        # a march that broke off or lacks room would do so again in every round: the next size is
+        # for that
         usable = end.ended & mesh.fits
         rounds = jnp.where(usable, number, max_rounds)
         return state, flags, waves, watched, memory, solution, is_lost, rounds
@@ -286,6 +293,7 @@ def rounds_of(
     watched = jnp.full(max_rounds, jnp.inf)
     memory = lines.memory(waves)
     lost = jnp.asarray(False)
+    # with a start the rounds begin at -1, which takes its panels as they are
     begin = state, flags, waves, watched, memory, no_solution_yet, lost, -1 * has_start
     return lax.while_loop(going_on, advance, begin)[5]
 

@@ -27,6 +27,8 @@ def _combined(combine, name: str, doc: str) -> Any:
         each = jax.vmap(lambda cycle: getattr(cycle, name))(self.each)
         swept = self.each.case.swept
         if self.stages and combine in (_delivery, _mean):
+            # what later stages draw has been drawn by the first already, and only the last one
+            # delivers
             counts = self.of_stage(1 if combine is _mean else max(self.stages))
             swept = swept[counts]
             each = jax.tree.map(lambda x: x[counts], each)
@@ -150,6 +152,7 @@ class SeveralCycles(Result, eqx.Module):
         per_exponent = jnp.log(density_ratio) / jnp.where(rise > 0, rise, 1.0)
         delivered = self.each.totals.discharge
         delivers = delivered > 1e-6 * case.mass_scale
+        # 1/n is the logarithm of densities over that of pressures
         slope = case.cylinder.clearance_ratio * density_ratio * per_exponent
         taken_up = jnp.where(delivers, slope * case.mass_scale, 0.0)
         shares = []
@@ -180,6 +183,7 @@ class SeveralCycles(Result, eqx.Module):
         heat = jnp.zeros(())
         for number in range(1, max(self.stages)):
             stage = self.of_stage(number)
+            # enthalpy as the gas leaves the stage, less that with which the next one draws it
             cooled = self.each.case.suction.h[self.of_stage(number + 1)[0]]
             heat += jnp.sum(totals.discharge_heat[stage] - totals.discharge[stage] * cooled)
         return heat
@@ -198,6 +202,7 @@ class SeveralCycles(Result, eqx.Module):
     def status(self) -> Status:
         """That of the first cycle that did not converge, if any."""
         worst = Status.converged
+        # from the last to the first, so that the first one that failed is what remains
         for number in reversed(range(self.each.residual.shape[0])):
             of_cylinder = jax.tree.map(lambda leaf, number=number: leaf[number], self.each.status)
             worst = Status.where(of_cylinder == Status.converged, worst, of_cylinder)
@@ -222,6 +227,8 @@ class SeveralCycles(Result, eqx.Module):
     def discharge_temperature(self) -> Float[Array, ""]:
         """[K] of the gas delivered, mixed at the pressure of the line."""
         last_stage = self.of_stage(max(self.stages, default=1))
+        # streams mix by enthalpy, not by temperature: one cycle with the sums gives the
+        # temperature
         first = jax.tree.map(lambda leaf: leaf[last_stage[0]], self.each)
         heat_and_mass = (jnp.sum(self.each.totals.discharge_heat[last_stage]), self.delivered)
         mixed = eqx.tree_at(

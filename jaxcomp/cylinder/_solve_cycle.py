@@ -79,6 +79,8 @@ def solve_cycle(
         options = options.behind_pipes()
     speed = jnp.asarray(speed, float)  # a plain number would be part of the program
     machine = jax.tree.map(strongly_typed, (cylinder, mechanism, speed))
+    # under `grad` alone these are plain numbers, and the size can follow from the machine; under
+    # `jit` and `vmap` they are not
     values = frozen(machine)
     if any(is_traced(leaf) for leaf in jax.tree.leaves((values, pace, start))):
         cycle = _solved_if_admissible(*machine, options, pace, start)
@@ -92,6 +94,7 @@ def solve_cycle(
         return _solved_if_admissible(*values, size, pace, start_of_size)
 
     if pace is None:
+        # a march has no waves of its own, so that it cannot stand behind the largest size of pipes
         cycle, options = climbed(solve, options, by_march=not is_piped(cylinder))
     else:
         # a pace is known on panels of its own, which are edges for the cycle
@@ -102,6 +105,7 @@ def solve_cycle(
         return cycle
     if cycle.solver == "march":
         return _solved_if_admissible(*machine, options, pace, None)  # refuses by name
+    # nothing is solved again: derivatives of whatever order hold at the cycle that was found
     return _followed(*machine, pace, cycle)
 
 
@@ -169,6 +173,7 @@ def solve_cycles(
     def cycle_of_piston(mechanism, pace, start):
         return _solved(cylinder, mechanism, speed, options, pace, start)
 
+    # one object and not equal ones: whether traced numbers are equal cannot be asked
     if pace is None and start is None and all(other is mechanisms[0] for other in mechanisms):
         return SeveralCycles(
             over_cylinders(cycle_of_piston(mechanisms[0], None, None), len(mechanisms))
@@ -190,6 +195,7 @@ def follow_cycles(
 
     def follow(mechanism, pace, cycle):
         system = Cylinders(prepare(cylinder, mechanism, speed, pace), jnp.zeros(1))
+        # the status stays that of the solver: a solution tells only whether it was solved
         followed = cycle_of(system, solution_of(cycle), False)
         return eqx.tree_at(lambda c: c.status, followed, cycle.status)
 
@@ -253,6 +259,8 @@ def _followed(cylinder, mechanism, speed, pace, known_cycle: Cycle) -> Cycle:
 @kept_jit
 def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pace, start) -> Cycle:
     """The cycle of what may be out of bounds, which its status says."""
+    # what is out of bounds is moved inside and solved, so that one such design of a batch leaves
+    # numbers that are finite and a status that says so
     good = admissible(cylinder) & admissible(mechanism) & (speed > 0)
     good &= jnp.all(jnp.stack(ports_fit(cylinder, mechanism)))
     speed = jnp.where(speed > 0, speed, 1.0)
@@ -280,6 +288,7 @@ def _together(
     """Cylinders that are solved together; with `stacked_lines` the gas side has an axis of them."""
 
     def prepared(cylinder, mechanism, phase):
+        # a pace counts the angle of the crank, every cylinder its own
         own_pace = None if pace is None else Pace(pace.edges + phase, pace.excess)
         return prepare(cylinder, mechanism, speed, own_pace)
 
@@ -299,6 +308,7 @@ def _of_ends(solve: Callable, ends: Ends, speed, pace, start) -> SeveralCycles:
     grouping = ends.grouping
     several = grouping.groups > 1
     if several:
+        # groups do not touch and are alike in number: one program, each with its own solution
         over_groups = eqx.filter_vmap(lambda ends, pace, start: solve(ends, speed, pace, start))
         cycles = over_groups(ends.grouped(), pace, start)
         each = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), cycles.each)
@@ -316,6 +326,7 @@ def _with_idle_ends(cycles: SeveralCycles, stages: tuple[int, ...]) -> SeveralCy
     """Cycles in which ends may deliver nothing, as unloaded ones, where others of their stage do."""
     status = cycles.each.status
     stage = np.array(stages or (1,) * cycles.each.residual.size)
+    # (e, e) which ends are of one stage
     among = stage[:, None] == stage
     none = status == Status.no_delivery
     delivers = jnp.any(among & ~none, axis=1)
@@ -354,6 +365,8 @@ def _solved_system(system: Cylinders, options: CycleOptions, start: CycleSolutio
     marching = options.method == "march" or not system.cases.cylinder.inert
     if marching:
         system = values_only(system)
+    # marches and rounds are not differentiated: `cycle_of` gives their result its derivatives, by
+    # the equations that it solves
     frozen = lax.stop_gradient(system)
     if marching:
         return system, _march_only(frozen, options, start), marching
@@ -368,6 +381,7 @@ def _march_only(
     system: Cylinders, options: CycleOptions, start: CycleSolution | None
 ) -> CycleSolution:
     tolerance = jnp.asarray(options.value_tolerance)
+    # a revolution of many steps does not repeat to the error of a single one
     repeat = 10 * tolerance
     state, flags = system.initial(START)
     if start is not None:
@@ -417,6 +431,8 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
     cycle = cycle if followed else lax.stop_gradient(cycle)
     if isinstance(cycle, SeveralCycles):
         together = cycle.together
+        # one cylinder that was not solved makes all of them useless as a start: they have one
+        # vector of unknowns
         solved = jnp.broadcast_to(is_solved(cycle.each), jnp.shape(together.solved))
         return together._replace(marched=together.z, solved=solved)
     mesh, z, _ = cycle.raw

@@ -49,10 +49,13 @@ class SolvedEnds(AbstractGas):
         def along(values):
             return values.reshape(-1, *(1,) * (head.ndim - 1))
 
+        # as a pressure on the whole area of the head end: the gas behind acts on the ring around
+        # the rod, and on the rod's other end its surroundings
         rod = jnp.pi / 4 * along(self.rod_diameter) ** 2 / area
         return head, head - (1 - rod) * crank - rod * along(self.ambient_pressure)
 
     def event_angles(self):
+        # all by the angle of the cylinder, from which the crank end counts half a revolution later
         return jnp.concatenate([self.head_end.kinks, self.crank_end.kinks - jnp.pi], axis=1)
 
 

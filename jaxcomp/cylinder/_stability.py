@@ -32,8 +32,10 @@ def largest_multiplier(case: Case, mesh: Mesh, z: Unknowns, waves: Waves | None 
     Returns:
         With its sign where it is real, else its magnitude.
     """
+    # by NumPy: values alone, of a matrix that is not symmetric
     multipliers = np.linalg.eigvals(np.asarray(_revolution_matrix(case, mesh, z, waves)))
     largest = multipliers[np.argmax(np.abs(multipliers))]
+    # rounding may leave a real one with a trace of an imaginary part
     if abs(largest.imag) < 1e-9 * abs(largest):
         return float(largest.real)
     return float(abs(largest))

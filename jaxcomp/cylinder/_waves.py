@@ -111,6 +111,7 @@ def waves_at_rest(cylinder: Cylinder) -> Waves:
 def side_at(line: Side, ratio: Float[Array, ""]) -> Side:
     """The gas at a flange whose pressure is `ratio` of that in the line, isentropic about it."""
     ratio = maximum(ratio, _LEAST)
+    # with kappa of the line: the flanges need no equation of state at every instant
     rise = -line.p / line.rho * enthalpy_drop(line.kappa, ratio)
     density = line.rho * ratio ** (1 / line.kappa)
     return line._replace(p=line.p * ratio, rho=density, h=line.h + rise)
@@ -123,6 +124,7 @@ def _instants(orders: int) -> tuple[np.ndarray, np.ndarray]:
     tau = 2 * np.pi * np.arange(count) / count
     multiples = np.arange(1, orders + 1) * tau[:, None]
     values = np.concatenate([np.ones((count, 1)), np.cos(multiples), np.sin(multiples)], axis=1)
+    # by the trapezoidal rule, which is exact for these harmonics on even instants
     back = 2 * values.T / count
     back[0] /= 2
     return values, back
@@ -131,6 +133,7 @@ def _instants(orders: int) -> tuple[np.ndarray, np.ndarray]:
 def complex_of(series: Float[Array, "*f h"], orders: int):
     """Mean and complex amplitudes (..., N) of series, for e^{i n tau}."""
     parts = series[..., 1:]
+    # a cos + b sin is the real part of (a - i b) e^{i n tau}
     return series[..., 0], parts[..., :orders] - 1j * parts[..., orders:]
 
 
@@ -145,6 +148,7 @@ def slope_of(series: Float[Array, "*f h"]) -> Float[Array, "*f h"]:
     numbers = np.arange(1.0, orders + 1)
     cosine = series[..., 1 : 1 + orders]
     sine = series[..., 1 + orders :]
+    # a cos n tau + b sin n tau has the slope n b cos n tau - n a sin n tau
     return jnp.concatenate([0 * series[..., :1], numbers * sine, -numbers * cosine], axis=-1)
 
 
@@ -175,6 +179,8 @@ def sampled(series: Float[Array, "f h"]) -> Samples:
     """Samples of series, for a march, which asks for them at many thousand angles."""
     orders = series.shape[-1] // 2
     mean, amplitudes = complex_of(jnp.stack([series, slope_of(series)]), orders)
+    # a real transform back has the other half of every amplitude at the negative frequency, and
+    # divides by the number of values
     spectrum = jnp.concatenate([mean[..., None], amplitudes / 2], axis=-1)
     count = _SAMPLES * orders
     values, slopes = count * jnp.fft.irfft(spectrum, n=count, axis=-1)
@@ -242,6 +248,7 @@ class Line(eqx.Module):
         if not rough.size:
             return Drag(mean, slope)
         flow = friction[0] * self.usual_flow
+        # rounded off at no flow, where a Reynolds number of zero would have no friction factor
         size = jnp.sqrt(flow**2 + (_TINY * self.usual_flow) ** 2)
         square = friction[1] * self.usual_flow**2
         diameter = network.diameter[rough]
@@ -251,6 +258,8 @@ class Line(eqx.Module):
         law = factor / (gas.density * area**2 * diameter)
         # laminar friction is that of the walls, which the waves have already
         turbulent = turbulent_share(reynolds) * law * size
+        # the mean drop goes with the mean of m|m|, which pulsation raises above that of the mean
+        # flow
         drop = law / 2 * maximum(square, size**2) / size * network.length[rough]
         return Drag(mean.at[rough].set(drop), slope.at[rough].set(turbulent))
 
@@ -270,6 +279,8 @@ class Line(eqx.Module):
 
     def ports(self, waves: SideWaves, observed: Observed):
         """Mean and harmonics of what is put in at the ports, (c,) and (N, c)."""
+        # at a flange the discharge valves put gas into their network, suction valves take it out
+        # of theirs
         sign = 1.0 if self.side else -1.0
         mean, amplitudes = complex_of(sign * observed.flow, self.orders)
         mean_drop, drops = complex_of(waves.drops * self.state.p, self.orders)
@@ -292,6 +303,7 @@ class Line(eqx.Module):
             holes = np.array(network.nonlinear)
             values, back = map(jnp.asarray, _instants(self.orders))
             flow = values @ through("orifice_flow", holes).T
+            # products of harmonics, so at instants; the linear part is among the responses already
             beyond = network.square[holes] * flow * jnp.abs(flow)
             drops = (back @ (beyond - network.resistance[holes] * flow)).T / self.state.p
         friction = waves.friction
@@ -300,10 +312,12 @@ class Line(eqx.Module):
             series = through("pipe_flow", rough)
             values, _ = map(jnp.asarray, _instants(self.orders))
             flow = (values @ series.T) / self.usual_flow
+            # the mean of m|m|, to whose drop fluctuations about the mean flow add
             square = jnp.abs(jnp.mean(flow * jnp.abs(flow), axis=0))
             friction = jnp.stack([series[:, 0] / self.usual_flow, square])
         temperature = waves.temperature
         if temperature.size:
+            # where nothing is delivered the gas is that of the line; double where for the quotient
             delivered = jnp.sum(observed.flow[:, 0])
             flows = delivered > _TINY * self.usual_flow
             carried = observed.heat[0] / jnp.where(flows, delivered, 1.0)
@@ -324,6 +338,7 @@ def lines_of(shared: Case) -> tuple[Line | None, Line | None]:
     built = []
     for side, piping in enumerate(pipings(cylinder)):
         state = (shared.suction, shared.discharge)[side]
+        # suction pipes have the gas before it is heated on its way to the valve
         comes = (shared.comes, shared.discharge)[side]
         line = Line(cylinder, side, state, comes, shared.speed, usual, orders_of(cylinder))
         built.append(None if piping is None else line)

@@ -45,5 +45,8 @@ class LaminarGap(Part):
             viscosity: [Pa s] of the gas.
         """
         conductance = jnp.pi * bore * self.gap**3 / (12 * viscosity * self.length)
+        # the cube of the local gap, 1 + e cos(phi) of the clearance, has this mean around the
+        # piston
         conductance = conductance * (1 + 1.5 * self.eccentricity**2)
+        # the mean density is exact for a perfect gas of one temperature: (p^2 - p_c^2)/(2 R T)
         return conductance * (cylinder.p - crankcase.p) * 0.5 * (cylinder.rho + crankcase.rho)

@@ -59,5 +59,6 @@ class SuctionWarming(Part):
     ) -> Float[Array, ""]:
         """[W] The part of `heat` that the gas delivered gives; arguments as there."""
         flow = mass_flow * comes.c_p
+        # 1 - exp(-x) loses the digits of a small conductance
         share = -jnp.expm1(-self.discharge_conductance / flow)
         return flow * (compressed_temperature - comes.T) * share

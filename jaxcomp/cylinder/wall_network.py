@@ -60,6 +60,8 @@ class WallNetwork(Part):
             wall: [K]
             pair: both chains of plenums, or `None` without any.
         """
+        # in the order of the flow: next to the valve are the last one before it and the first one
+        # behind it
         before = pair[0].gases if pair else ()
         behind = pair[1].gases if pair else ()
         none = jnp.zeros(())
@@ -87,5 +89,7 @@ def next_revolution(case, state: Float[Array, " n"]) -> Float[Array, " n"]:
         return state
     # a cylinder as long as its bore, for scale alone
     size = walls.conductance + _USUAL * 2 * jnp.pi * case.bore**2
+    # the heat of a revolution as a power, over all conductances: by so much the wall would have to
+    # be warmer for its balance to close
     step = case.energy_scale * case.speed / (2 * jnp.pi * size * case.suction.T)
     return state.at[-2].add(step * state[-1]).at[-1].set(0.0)

@@ -236,6 +236,7 @@ def film_at(
         return film
     assert isinstance(film, AbstractSolvedFilm)
     unit = film_unit(bearing)
+    # Pressure follows the speed of the wedge, rubbing that of the surfaces against each other.
     if sliding is None:
         sliding = speed
     return MixedFilm(
@@ -254,6 +255,7 @@ def contact_moment(
     """[N m] The part of `friction_moment` that the contact of the surfaces makes; zero without one."""
     film = film_at(bearing, speed, rest_speed)
     if not isinstance(film, MixedFilm):
+        # zero with the shape of the arguments, which may be batches
         return 0.0 * load * speed
     bearing, _ = prepare(bearing)
     x = film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))

@@ -45,6 +45,7 @@ def mean_excess(u: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Float[Array,
     """F_3 and F_4 of Greenwood and Tripp [-], closed: F_{n+1} = n F_{n-1} - u F_n."""
     tail = 0.5 * erfc(u / np.sqrt(2))
     density = jnp.exp(-0.5 * u * u) / np.sqrt(2 * np.pi)
+    # F_0 is the tail of the normal distribution and F_1 = density - u F_0: the recurrence starts there.
     first = density - u * tail
     second = tail - u * first
     third = 2 * first - u * second
@@ -194,6 +195,7 @@ class MixedFilm(AbstractSolvedFilm):
         return jnp.arctan2(tangential, radial)
 
     def damping(self, film_ratio):
+        # the contact is elastic: it makes the film stiffer and takes no work along the line of centres
         return self.film.damping(film_ratio)
 
     def film_chords(self, film_ratio):

@@ -385,4 +385,5 @@ class _LogCompliance(AbstractRoot):
         return jax.lax.fori_loop(0, 6, step, jnp.log(short + 1 / 1.2))
 
     def residual(self, unknowns):
+        # its slope over z is d ln Phi_p/d ln x, see `solve`: never zero
         return jnp.log(self.film.load_gain(self.load_number * jnp.exp(unknowns))) + unknowns

@@ -83,6 +83,8 @@ def film_grid(
     h = 1 + eps * np.cos(theta)
     h_face = 1 + eps * np.cos(between)
     width_z = place_slope(t) * half * dt
+    # Flows take h at the faces between the cells: what leaves one cell enters the next, so that oil is
+    # conserved on any grid.
     return Grid(
         theta=theta,
         theta_faces=between,
@@ -222,6 +224,7 @@ def linear_response(eps: float, grid: Grid, p: np.ndarray, film: np.ndarray) -> 
 def pressure_forces(grid: Grid, p: np.ndarray) -> np.ndarray:
     """F_r/eps and F_t/eps of a pressure over eps."""
     trig = np.stack([np.cos(grid.theta), np.sin(grid.theta)])
+    # p acts on R L d theta d zeta, and the unit of force is over L D: hence the half.
     return 0.5 * trig @ (grid.weights * p).sum(axis=1)
 
 
@@ -235,6 +238,8 @@ def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarr
         return pressure
     rows = int(np.flatnonzero(film.any(axis=1))[-1]) + 1
     inside = film[:rows]
+    # The upper bands of a symmetric matrix, as SciPy wants them: band m is the diagonal, m - 1 the
+    # neighbour in zeta, 0 the one in theta, which comes m nodes later.
     bands = np.zeros((m + 1, rows, m))
     # Nodes outside of the film have rows of the unit matrix, so that the band holds any film.
     bands[m] = np.where(inside, diagonal[:rows], 1.0)
@@ -243,12 +248,14 @@ def _within(grid: Grid, film: np.ndarray, diagonal: np.ndarray, source: np.ndarr
     linked = inside[:-1] & inside[1:]
     bands[0, 1:] = -np.where(linked, grid.coupling_theta[1:rows], 0.0)
     right = np.where(inside[..., None], source[:rows], 0.0).reshape(rows * m, -1)
+    # positive definite: Cholesky's method exchanges no rows, which would widen the band
     solved = solveh_banded(bands.reshape(m + 1, -1), right, overwrite_ab=True, check_finite=False)
     pressure[:rows] = solved.reshape(rows, m, -1)
     return pressure
 
 
 def _reversed(grid: Grid) -> Grid:
+    # what `linear_response` and `film_end` read; angles keep their values, so sin and cos stay right
     return grid._replace(
         theta=grid.theta[::-1],
         theta_faces=grid.theta_faces[::-1],

@@ -122,6 +122,7 @@ def _tridiagonal(
 
     steps = 2 ** np.arange(int(np.ceil(np.log2(n.shape[0]))))
     system, _ = jax.lax.scan(reduce, system, steps)
+    # by now no harmonic is coupled to another
     return system[3] / system[1]
 
 

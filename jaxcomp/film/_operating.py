@@ -160,6 +160,7 @@ class SteadyBearing(Result):
         for name, value in numbers.items():
             if np.ndim(value) and not np.all(np.isfinite(value)):
                 numbers[name] = None
+        # The point was found at the size of the speed: torques get the sign back here.
         for name in ("friction_torque", "bush_torque"):
             if numbers[name] is not None:
                 numbers[name] = math.copysign(1.0, self.speed) * float(numbers[name])
@@ -193,6 +194,7 @@ def steady_bearing(bearing: JournalBearing, load: float, speed: float) -> Steady
     >>> print(f"{found.point.eccentricity_ratio:.3f}, {found.field.peak_pressure / 1e6:.2f} MPa")
     0.714, 7.89 MPa
     """
+    # Numbers of NumPy, because Python's are static: each load would be a program of its own.
     point = _operating_point(bearing, np.float64(load), np.float64(abs(speed)))
     return SteadyBearing(bearing, load, speed, point, pressure_field(bearing, point, abs(speed)))
 
@@ -224,6 +226,7 @@ def operating_point(
         entries["contact_load"] = contact.forces(entries["eccentricity_ratio"])[0]
         entries["contact_torque"] = contact_moment(part, load, speed, **unsmoothed)
     if isinstance(film, AbstractSolvedFilm):
+        # The load along X makes the axes of stiffness and damping those of `_FRAME`.
         stiffness, damping = stiffness_damping(
             part, jnp.stack([load, 0.0 * load]), speed, **unsmoothed
         )

@@ -79,6 +79,7 @@ class PlacedJournal(AbstractJournal):
         shear = shear_drag(self.bearing, self.position) * rate**2
         contact = self._contact()
         if contact is not None:
+            # the film moves by what the contact leaves it of the load
             load = load - contact.push(self.position)
             shear = shear + contact.torque(self.position, rate) * rate
         velocity = squeeze_of(self.bearing).mobility(self.position, load / unit)

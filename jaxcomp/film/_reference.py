@@ -115,6 +115,7 @@ def reference_solution(
     if grooved and cavitation != "reynolds":
         raise BadInput("cavitation", cavitation, '"reynolds" for a bearing with grooves')
     linear = cavitation == "guembel"
+    # Without the finest grid, which each step of the secant would have to solve.
     phi = groove_attitude(eps, q, grids[:-1]) if grooved else None
     ring = pads(phi)
     fields = _fields(eps, q, ring, grids, linear)[-2:]
@@ -122,6 +123,7 @@ def reference_solution(
     radial, tangential, flow, peak = _extrapolated(numbers)
     couette = math.pi / math.sqrt(1 - eps**2)
     stiffness = damping = None
+    # The load is (-F_r, -F_t) along (e_r, e_t), against the film; phi leads from it to e_r.
     attitude = math.atan2(tangential, -radial)
     if coefficients:
         if linear:
@@ -170,6 +172,7 @@ def groove_attitude(eps: float, q: float, grids) -> float:
     excess_ahead = excess(ahead)
     excess_behind = excess(behind)
     for _ in range(20):
+        # two equal values, which rounding leaves at last, would divide the step by zero
         if abs(excess_behind) < 1e-9 or excess_behind == excess_ahead:
             break
         step = excess_behind * (behind - ahead) / (excess_behind - excess_ahead)

@@ -125,6 +125,7 @@ def stiffness_damping(
     mirror = jnp.eye(2) + (1 - jnp.eye(2)) * speed / pace
     axes = jnp.array([[along[0], -along[1]], [along[1], along[0]]])
     unit = film_unit(bearing) / bearing.radial_clearance
+    # In a given place the force grows with the speed, and so its stiffness; its damping does not.
     return DynamicCoefficients(
         unit * pace * (axes @ (mirror * stiffness) @ axes.T),
         unit * (axes @ (mirror * damping) @ axes.T),

@@ -153,6 +153,8 @@ class OcvirkSqueeze(AbstractSqueeze):
         return 6 * self.length_ratio**2 * pressure(y, radial, tangential, eps) / square**3
 
     def side_flow(self, position, force, velocity):
+        # Half a ring closes at the rate V n, and a short film lets all of that oil out at its ends: the
+        # integral of V n over the half circle is 2 |V|.
         return 2 * split(velocity)[0]
 
 
@@ -178,6 +180,7 @@ def two_by_two(columns, right: Pair) -> Pair:
     """Solve a system of two equations of which the columns are given."""
     (a, c), (b, d) = columns
     size = a * d - b * c
+    # finite for a singular matrix as well, so that an iteration can go on from it
     size = jnp.where(jnp.abs(size) > 0, size, 1.0)
     return jnp.stack([d * right[0] - b * right[1], a * right[1] - c * right[0]]) / size
 

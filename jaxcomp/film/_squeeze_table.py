@@ -75,6 +75,7 @@ class ReynoldsSqueeze(AbstractSqueeze):
             x: eps times the cosine of the angle from the position to the force.
             square: eps^2.
         """
+        # An iteration may put the journal beyond the wall, where the power of a negative gap is NaN.
         unit = resistance_unit(minimum(x, 1 - 1e-9), self.length_ratio)
         u, v = film_corner(*_held(x, square)[:2])
         return unit * jnp.exp(_horner(self.series["mobility"], 2 * u - 1, 2 * v - 1, 0)[0])
@@ -183,6 +184,7 @@ def _table_mobility_jvp(primals, tangents):
     for columns, change in ((slopes, position_dot), (by_force, force_dot)):
         if change is not None:
             moved = moved + columns[0] * change[0] + columns[1] * change[1]
+    # Slopes serve steps of Newton's method; their own derivatives would be third ones of the table.
     return (value, slopes), (moved, jax.tree.map(jnp.zeros_like, slopes))
 
 
@@ -235,6 +237,7 @@ def _horner(
     p = columns[-1] + 0 * v
     p_v = 0 * p
     p_vv = 0 * p
+    # From the highest derivative down, since each takes the value below it from before its step.
     for column in columns[-2::-1]:
         if order > 1:
             p_vv = p_vv * v + p_v

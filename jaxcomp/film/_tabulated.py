@@ -267,6 +267,7 @@ def place_of(table: dict, ln_q: Scalar) -> Place:
 
 def _closeness(film_ratio: Scalar) -> Scalar:
     """s = sqrt(1 - eps)"""
+    # 1 - eps = 1/(1 + x) keeps its digits as the film closes, which a difference from 1 would lose.
     return 1 / jnp.sqrt(1 + film_ratio)
 
 

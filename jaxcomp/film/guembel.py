@@ -81,6 +81,7 @@ class Guembel(AbstractSolvedFilm):
     def _steady(self, s: Scalar) -> Float[Array, " 2"]:
         """ln(load gain/q^2) and the attitude angle."""
         forces = steady_series(1 - s**2, self.length_ratio, self.modes, self.terms)
+        # Phi_p/x = (|F|/eps) (1 - eps), and the series gives F/eps, which is finite at eps = 0.
         gain = jnp.sqrt(forces @ forces) * s**2
         return jnp.stack([jnp.log(gain / self.length_ratio**2), jnp.arctan2(forces[1], -forces[0])])
 

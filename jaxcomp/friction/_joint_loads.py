@@ -130,10 +130,13 @@ class AbstractJointLoop(AbstractRoot):
 
     def limit(self) -> Float[Array, "*n"]:
         """Beyond this there is no solution: the joints are locked, and numbers only stay finite."""
+        # The added newton keeps the bound away from zero where nothing loads the joints. Without
+        # derivatives, because the margin is evaluated there and must not depend on where that is.
         return lax.stop_gradient(1e3 * (self.size() + 1.0))
 
     def slope(self, unknown: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """[-] of the excess over the unknown."""
+        # instants do not mix, so that a tangent of ones gives the diagonal, which is the whole Jacobian
         return jax.jvp(self.excess, (unknown,), (jnp.ones_like(unknown),))[1]
 
     def solve(self):
@@ -160,6 +163,8 @@ def newton_step(unknown, excess, slope, limit):
 
 def relative(excess, size):
     """[-] What a balance leaves over the loads in it; where all of these vanish, rounding is none."""
+    # A millionth of the largest load of all instants keeps rounding from counting as a residual where a
+    # load passes through zero; 1e-300 is for a machine without any load.
     return excess / (size + 1e-6 * max_of(size) + 1e-300)
 
 
@@ -213,6 +218,8 @@ def joint_loads(
 
 def journal_moment(law, force: Vector, rate: Float[Array, "*n"]):
     """[N m] Friction of a journal under a force [N]; `None` without a law."""
+    # of a journal that moves the direction counts as well: its load has a moment about the bush's
+    # centre
     if isinstance(law, PlacedJournal):
         return law.bush_moment(force.stacked(), rate)
     return None if law is None else law.moment(magnitude(*force), rate)
@@ -248,4 +255,5 @@ def _magnitude_jvp(primals, tangents):
     moved_x, moved_y = tangents
     # By `magnitude` itself, so that derivatives of higher order take this rule as well.
     size = magnitude(x, y)
+    # at zero load the slope is zero, the middle of those along all directions
     return size, (x * moved_x + y * moved_y) / jnp.where(size > 0, size, 1.0)

@@ -98,6 +98,8 @@ class Pads(eqx.Module):
         series = sum((-1) ** (n + 1) * (1 / n - 2.0 ** (1 - n)) * k**n for n in range(3, 8))
         safe = jnp.where(few, 1.0, k)
         film = jnp.where(few, series, jnp.log1p(safe) - 2 * safe / (2 + safe))
+        # dF_n/du = -n F_(n-1): the integral of F_(5/2) along the taper is 2/7 of a difference of
+        # F_(7/2)
         stiffness = (
             self.contact.elastic_factor * self.contact.modulus * 2 * sigma / (7 * self.taper)
         )
@@ -124,10 +126,12 @@ class _Thickness(AbstractRoot):
     load: Float[Array, "*n"]
 
     def residual(self, unknowns):
+        # both loads go over decades with the thickness: in logarithms a power of it is a straight line
         return jnp.log(sum(self.pads.shares(jnp.exp(unknowns)))) - jnp.log(self.load)
 
     def solve(self):
         sigma = self.pads.contact.roughness
+        # zero times the load: what a loop carries keeps its shape, so the ends begin with the load's
         low = jnp.log(_LEAST * sigma) + 0 * self.load
         high = jnp.log(self.pads.clearance) + 0 * self.load
 

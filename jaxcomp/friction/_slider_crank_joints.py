@@ -82,6 +82,7 @@ class SliderCrankLoop(AbstractJointLoop):
         """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
         if self.friction.wall is None:
             return jnp.zeros_like(side) if self.film is None else self.film
+        # the piston rubs on either side of its bore alike: N has a sign, the load of the law has none
         dry = self.friction.wall.force(jnp.abs(side), self.slide_speed)
         return dry if self.film is None else dry + self.film
 
@@ -187,6 +188,8 @@ class SliderCrankLoop(AbstractJointLoop):
                 # at its limit.
                 margin = min_of(jax.vmap(self.slope)(jnp.stack([far, -far])), axis=0)
         return JointLoads(
+            # each on the body that it drives: of the wall on the piston, of the piston and of the crank
+            # on the rod
             forces={
                 "wall": jnp.stack([-wall, side]),
                 "piston_pin": forces.piston_pin.stacked(),

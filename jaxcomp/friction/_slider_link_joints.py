@@ -136,6 +136,7 @@ class SliderLinkLoop(AbstractJointLoop):
         return touch, on_link, pin
 
     def _pin_moment(self, pin: Vector):
+        # the slider does not turn in its link, so that the pin turns in it at the speed of the crank
         law = self.friction.crank_pin
         if law is None:
             return jnp.zeros_like(pin.x)
@@ -152,6 +153,7 @@ class SliderLinkLoop(AbstractJointLoop):
         return self._balanced and self.friction.crank_pin is not None
 
     def start(self):
+        # the pin's moment over R is small against the thrust of the piston, and zero is close enough
         return jnp.zeros_like(self.state.speed)
 
     def size(self):
@@ -199,6 +201,7 @@ class SliderLinkLoop(AbstractJointLoop):
             residual = self._residual(touch, on_link, pin_moment)
             margin = touch.margin
             if self.coupled:
+                # only its value: the derivative would be a second one of the law of the pin
                 margin = minimum(margin, lax.stop_gradient(self.slope(unknown)))
         wall_1, wall_2 = (self.wall * jnp.abs(side) for side in (touch.crown, touch.edge))
         return JointLoads(
@@ -224,6 +227,7 @@ class SliderLinkLoop(AbstractJointLoop):
         pressed = jnp.abs(touch.crown) + jnp.abs(touch.edge)
         # the paper's slider takes no moment from the crank pin
         of_pin = pin_moment if self._balanced else 0.0
+        # the moments over the engaged length, so that all three balances are forces
         imbalance = jnp.stack([
             touch.slider + self.wall * pressed - thrust,
             touch.crown + touch.edge + on_link.y + weight,

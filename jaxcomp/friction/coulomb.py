@@ -27,6 +27,7 @@ class CoulombSlide(AbstractSlide):
     )
 
     def force(self, load, speed):
+        # the jump stands where the motion reverses, at edges of the panels of the crank's solvers
         return self.coefficient * load * jnp.sign(speed)
 
 

@@ -59,4 +59,6 @@ class MixedSlide(AbstractSlide):
 
     def force(self, load, speed):
         parts = self.parts(load, speed)
+        # the sign of the speed, smooth: at rest the asperities still carry, and their friction would
+        # jump
         return (parts.film + parts.contact) * speed / slow(speed)

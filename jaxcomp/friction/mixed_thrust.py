@@ -61,6 +61,8 @@ class MixedThrust(AbstractDrag):
         """Drag of film and contact, and the thickness, under a weight [N] at a rate [rad/s]."""
         radius = self.mean_radius
         width = self.outer_radius - self.inner_radius
+        # The ring rolled out at its mean radius; its pads adjoin without grooves. Zero times the rate
+        # gives the one weight the shape of the rates.
         return Pads(
             float(self.pads), 2 * jnp.pi * radius / self.pads, width, self.taper,
             self.axial_clearance, self.dynamic_viscosity, self.contact, slow(rate * radius),

@@ -44,4 +44,6 @@ class PistonFilm(Part):
         self, bore: Float[Array, ""], length: Float[Array, "*n"], speed: Float[Array, "*n"]
     ) -> Float[Array, "*n"]:
         """[N] for a bore [m], a wetted length [m] and a piston speed [m/s]."""
+        # about a concentric piston: at an eccentricity ratio e the drag is 1/sqrt(1 - e^2) times as
+        # large
         return self.dynamic_viscosity * jnp.pi * bore * length * speed / self.radial_clearance

@@ -40,6 +40,7 @@ class ThrustBearing(AbstractDrag):
     @property
     def friction_radius(self) -> Float[Array, ""]:
         """[m] 2/3 (R^3 - r^3)/(R^2 - r^2), with the common factor R - r cancelled."""
+        # of a narrow ring both differences are rounding, and their ratio would lose its digits
         outer = self.outer_radius
         inner = self.inner_radius
         return 2 / 3 * (outer**2 + outer * inner + inner**2) / (outer + inner)

@@ -18,6 +18,7 @@ def lu_factor(a: Array) -> tuple[Array, Array]:
 def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
     """Solve for right-hand sides (..., n, k), complex ones of a real matrix as well."""
     lu, rows = factor
+    # A border may have no coordinates of a kind, and a load no columns: there is nothing to solve.
     if not b.size:
         return b
     if jnp.iscomplexobj(b) and not jnp.iscomplexobj(lu):
@@ -33,6 +34,7 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
     if not transpose:
         b = jnp.take_along_axis(b, rows[..., None], -2, mode="promise_in_bounds")
         return by(by(b, lower=True, unit_diagonal=True), lower=False)
+    # A[rows] = L U: the transpose meets U^T first, then L^T, and its rows are put back at the end.
     b = by(by(b, lower=False), lower=True, unit_diagonal=True)
     return jnp.take_along_axis(b, jnp.argsort(rows)[..., None], -2, mode="promise_in_bounds")
 
@@ -40,6 +42,7 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
 def inverse(s):
     """Inverse of a symmetric block, symmetric."""
     a, b, d = s
+    # b b and not |b|^2: damped shafts make the blocks complex, but symmetric, not Hermitian.
     r = 1 / (a * d - b * b)
     return d * r, -b * r, a * r
 

@@ -81,6 +81,7 @@ def solid_disk(
     do, di = jnp.asarray(outer_diameter, float), jnp.asarray(inner_diameter, float)
     mass = density * jnp.pi / 4 * (do**2 - di**2) * width
     polar = mass * (do**2 + di**2) / 8
+    # about a diameter through the middle of the width, with radii written as half diameters
     transverse = mass * (3 * (do**2 + di**2) / 4 + width**2) / 12
     return Disks((node,), mass[None], transverse[None], polar[None], spins=spins)
 

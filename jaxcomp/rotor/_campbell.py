@@ -235,6 +235,7 @@ def _by_frequency(modes: DampedModes) -> DampedModes:
 @kept_jit
 def _critical(model, count, order, damping, near):
     system = prepare(model)
+    # A root does not depend on where the steps to it begin: only the last one carries derivatives.
     start = jax.lax.stop_gradient(_synchronous(system, count, order, near))
     no_growth = jnp.zeros_like(start[0])
     roots = _from_starts(system, start[0], no_growth, start[1].T, order, damping)
@@ -272,6 +273,8 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         return solved(x, False), solved(y, True)
 
     def newton(numbers, growth, spin, x, y):
+        # y^T P x without a conjugate: y is the null vector of P^T, so that errors of x and of y count
+        # in the value by their product only.
         bilinear = lambda n, a, w: y @ product(n, a, w, x)  # noqa: E731
         value = bilinear(numbers, growth, spin)
         slope = jax.jacfwd(bilinear, (1, 2))(frozen, growth, spin)
@@ -311,6 +314,7 @@ def _stiffness_times(system, growth, spin, x, order, damping, transpose):
     """P x element by element: P is the dynamic stiffness at the frequency n W - i a."""
     if not damping:
         system = undamped(system)
+    # i (n W - i a) = a + i n W: with this complex frequency the operator is P at an eigenvalue.
     z = operator_at(system, spin, order * spin - 1j * growth)
     if not damping:
         z = z._replace(damping=jnp.zeros_like(z.damping))
@@ -322,6 +326,7 @@ def _synchronous(system, count, order, near):
     full, _ = system_matrices(system, near, damping=False)
     k = (full.stiffness + full.stiffness.T) / 2
     inertia = full.mass
+    # lambda = i n W makes the gyroscopic term i n W^2 G grow like the inertia; G is skew, h Hermitian.
     h = order**2 * inertia - 1j * order * full.gyroscopic
     # A grain of inertia keeps a model with rigid motions positive definite; it is only the start.
     # By the median, because one stiff spring would make a grain that outweighs the shaft.

@@ -71,6 +71,7 @@ def plane_numbers(dof: int) -> tuple[np.ndarray, np.ndarray]:
         planes.append(("uz", "thz"))
     numbers = np.array([list(map(AXES[dof].index, plane)) for plane in planes])
     signs = np.ones(numbers.shape)
+    # du_y/dz is -th_x: only with this sign the y plane has the matrices of the x plane
     signs[1, 1] = -1.0
     return numbers, signs
 
@@ -103,6 +104,7 @@ def whirl(dof: int, transpose: bool) -> np.ndarray:
     lateral = np.sqrt(0.5) * np.array([[1.0, turn], [1.0, -turn]])
     if dof == 4:
         return lateral
+    # axial and torsional motion has no sense of whirl and is the same in planes and components
     out = np.eye(3, dtype=complex)
     out[:2, :2] = lateral
     return out

@@ -83,6 +83,7 @@ def crankshaft_of(
             raise BadInput("crankshaft.main_journal.bearings", name, bound)
     places = [jnp.asarray(stand.get(name, 0.0)) for name in support.names or ()]
     support = replaced(support, position=jnp.stack(places))
+    # Two bearings share a force by the lever alone, however stiff the shaft is; three do not.
     if support.shaft == "rotor" and len(support.bearings) > 2:
         support = shaft_bearings(rotor, support, pins[0])
     return rebuilt(crankshaft, main_journal=support)
@@ -129,6 +130,7 @@ def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     for table in unbalances:
         turning = turns(table.nodes)
         z = jnp.stack([jnp.asarray(place.get(node, 0.0), float) for node in table.nodes])
+        # (2, n) in the frame of the crank: first towards the pin, then 90 degrees ahead of it
         vectors = (
             turning * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
         )
@@ -146,6 +148,7 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     members = next((group for group in subsets(rotor) if origin in group), ())
     steps: dict[Node, list] = {node: [] for node in members}
     for shaft in rotor.shafts:
+        # Concrete lengths are added up by NumPy, where JAX would run a program for every sum.
         length = shaft.length if is_traced(shaft.length) else np.asarray(shaft.length)
         for number, (a, b) in enumerate(shaft.pairs):
             if a in steps:
@@ -221,6 +224,7 @@ def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> Shaft
         Link((node, None), replaced(Mount(jnp.ones(2), jnp.zeros(2)), stiffness=jnp.full(2, k)))
         for node, k in zip(held, support.stiffness, strict=True)
     )
+    # The shaft alone on springs: disks, masses and the crankcase have no part in how it shares a force.
     model = RotorModel(tuple(shafts), dof=4, links=links)
     names = node_names(model)
     along = jnp.stack([place[name] for name in names])

@@ -135,6 +135,7 @@ def on_cpu(function):
     """
 
     def run(*args):
+        # traced values lie on no device yet: where they will is up to the program that traces them
         if any(is_traced(leaf) for leaf in jax.tree.leaves(args)):
             return function(*args)
         cpu = jax.local_devices(backend="cpu")[0]
@@ -172,6 +173,7 @@ def _damped(model, spin_speed, count, free, damping) -> DampedModes:
     x = vectors[:, :count]
     lam_new = _newton(p, frozen, lam, x)
     x_new = _refined_vectors(*p, lam_new, lam, x)
+    # The least stable one gets its step as well: the sign of its real part decides on stability.
     (growth,) = _newton(p, frozen, *worst).real
     layout = system.layout
     shape = (full.expand @ x_new).T.reshape(count, layout.n, layout.dof)

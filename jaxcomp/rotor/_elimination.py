@@ -218,6 +218,8 @@ def _held(layout):
     out = np.zeros((b, b, 4, layout.components))
     at = np.arange(b)
     for k in (0, 1):
+        # Entries 0 and 3 of a block are its diagonal. In p and q a coordinate is loose if it is so in
+        # both planes, of which each of them is a mixture.
         out[at, at, 3 * k, :2] = (layout.loose[:, 0, k] & layout.loose[:, 1, k])[:, None]
         if layout.dof == 6:
             out[at, at, 3 * k, 2] = layout.loose[:, 2, k]
@@ -246,6 +248,7 @@ def _magnetic_pulls(layout, z):
     rows = [np.where(p < 0, b * b, p * (b + 1)) for p in (i, j)] + rows
     k = z.stiffness[count:, 0, 0]
     components = np.zeros((4, layout.components))
+    # entry (u, u) of a block, alike in p and q: a pull acts on displacements only
     components[0, :2] = 1.0
     return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * components
 
@@ -267,11 +270,14 @@ def _forward(layout, factor, r):
 
 def _backward(layout, factor, r, y):
     m, c = layout.segment.shape
+    # A free end has the number behind the last border node, where it reads a motion of zero.
     ground = jnp.concatenate([y, jnp.zeros_like(y[:1])])
     near = jnp.moveaxis(take(ground, layout.left_of), 2, 0)  # (2, m, c, components)
     far = take(ground, layout.ends[1]).swapaxes(0, 1)
     blocks = jnp.moveaxis(factor.segment, 1, 0)
     a, b, d = blocks[_PIVOT]
+    # x_j = D_j'^{-1} r_j - Y_j x_left - W_{j+1} x_{j+1}: the first two need no recursion, and are
+    # taken for all nodes at once.
     motion = minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], near))
     end = jnp.stack(times(factor.to_right.swapaxes(0, 1), far), 1)  # (s, 2, components)
     rows = layout.last_nodes[0] * c + layout.last_nodes[1]
@@ -322,6 +328,7 @@ def _solve_border(layout, factor, g, transpose):
         if k == 0:  # the lateral planes go back to the components p and q
             touched = to_components[:2, :2] @ touched
         untouched = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], touched)
+        # from "untouched first" back to node by node
         order = np.argsort(np.concatenate([free, keep]))
         out.append(take(jnp.concatenate([untouched, touched], 1).T, order))
     return jnp.concatenate(out, 1).reshape(b, 2, -1)
@@ -360,6 +367,7 @@ def _border_motion(layout, arms):
     """Touched border coordinates from the independent ones among them."""
     numbers = _touched_numbers(layout)
     free = layout.moving.reshape(-1)[numbers]
+    # independent coordinates stand for themselves; the arms fill the rows of those that follow
     fixed = jnp.asarray(np.diag(layout.free.reshape(-1)[numbers] * 1.0))
     return _scattered(layout, fixed, *layout.ties.nodes, arms)[:, free]
 
@@ -386,6 +394,7 @@ def _scattered(layout, matrix, rows, columns, blocks):
     rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in (rows, columns))
     rows = rows[:, :, None]
     columns = columns[:, None, :]
+    # Ground and untouched coordinates have no place: behind the matrix, where `add` leaves them out.
     at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
     return add(matrix.reshape(-1), at, blocks).reshape(size, size)
 

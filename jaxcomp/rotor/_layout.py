@@ -125,6 +125,8 @@ def layout_of(model: Any) -> Layout:
     bodies = tuple((number[body.centre], numbers(body.nodes)) for body in model.bodies)
     disks = numbers(chain.from_iterable(disk.nodes for disk in model.disks))
     masses = numbers(chain.from_iterable(mass.nodes for mass in model.masses))
+    # Names and connections only: models that differ in numbers share one layout, and so programs
+    # in which it is static.
     return _layout((names, model.dof, tuple(pairs), tuple(links), bodies, disks, masses))
 
 
@@ -200,6 +202,7 @@ def _coordinates_of(key, slaved, neighbours, pulled) -> tuple[np.ndarray, np.nda
         if held:
             holds += [Hold(link, *nodes, at) for at in of_link]
     ties = find_ties(n, dof, slaved, tuple(holds))
+    # A body joins all coordinates of its nodes, across the whirl components.
     rigid = [*(c for c, _ in bodies), *(k for k, _ in slaved)]
     touched[rigid] = True
     exists[[*rigid, *disks]] = True
@@ -223,6 +226,7 @@ def _runs(n, neighbours, border):
     inner = {i: neighbours[i] - border for i in range(n) if i not in border}
     runs = []
     left_over = set(inner)
+    # A run begins where at most one neighbour is inside; a ring of inner nodes has no such tip.
     for tip in [i for i in inner if len(inner[i]) < 2]:
         if tip not in left_over:
             continue
@@ -231,6 +235,7 @@ def _runs(n, neighbours, border):
             run.append(ahead.pop())
         left_over -= set(run)
         outer = sorted(neighbours[tip] & border)
+        # both border nodes, if there are two, stand beside the same node
         if len(run) == 1:
             before, behind = (*outer, None, None)[:2]
         else:
@@ -263,6 +268,7 @@ def _packed(n, runs):
     for c, nodes in enumerate(columns):
         segment[: len(nodes), c] = nodes
     first = [run[0] for _, run, _ in runs]
+    # Empty places open as well, so that no sum of the segment above them runs on through them.
     return segment, np.isin(segment, [*first, n]), last_nodes
 
 

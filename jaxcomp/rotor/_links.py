@@ -163,6 +163,7 @@ class SpeedTable(Part):
         return self.stiffness.shape[-1]
 
     def conditions(self):
+        # a condition and no exception where the table is built, since speeds may be traced
         return {"a table with increasing speeds": (self.speed[1:] > self.speed[:-1]).all()}
 
     def coefficients(self, spin_speed):
@@ -209,6 +210,7 @@ class Link(Part):
     def __post_init__(self):
         self.nodes = _grounded(self.nodes)
         if isinstance(self.law, Clamped):
+            # the first is the default; the second is set below and comes back where a link is rebuilt
             if self.axes not in (_RADIAL, SPACE_AXES):
                 bound = "left out beside a clamped link, which holds all (pin single ones)"
                 raise BadInput("axes", str(self.axes), bound)
@@ -223,6 +225,7 @@ class Link(Part):
         check_axes(self.axes)
         if len(self.nodes) != 2 or self.nodes[0] is None or self.nodes[0] == self.nodes[1]:
             raise BadInput("nodes", str(self.nodes), "two different nodes, or a node and None")
+        # a law that somebody else wrote need not tell its size
         size = getattr(self.law, "size", len(self.axes))
         if size != len(self.axes):
             raise BadInput("axes", str(self.axes), f"{size} axes, as the matrices of `law` have")

@@ -207,6 +207,7 @@ def load_vector(
     f = jnp.zeros((layout_of(model).n, model.dof), complex)
     for load in loads:
         if isinstance(load, Unbalances):
+            # at constant speed an unbalance turns evenly and has no other harmonic
             if order == 1:
                 f = _with_unbalance(f, model, load, spin_speed)
         elif order in load.orders:
@@ -231,6 +232,7 @@ def nodal_load(
 
 def _with_unbalance(f, model, load, spin_speed):
     at = np.array([node_index(model, node) for node in load.nodes], int)
+    # It turns forward with the shaft: u_y follows u_x by 90 degrees, which is the factor -i.
     x = load.magnitude * spin_speed**2 * jnp.exp(1j * load.phase)
     return f.at[at, 0].add(x).at[at, 1].add(-1j * x)
 
@@ -251,5 +253,6 @@ def _with_force(f, model, load, order):
     if load.reaction is None:
         return f
     if load.arm is not None:
+        # -F acts where F does: about the node that takes it, it has the moment -(r x F) as well
         wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), force))
     return f.at[node_index(model, load.reaction)].add(-wrench[components])

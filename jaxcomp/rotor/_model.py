@@ -66,6 +66,7 @@ class RotorModel(Part):
             raise BadInput("bodies", str(slaved), "nodes that belong to one body each")
         if len(set(centres)) != len(centres):
             raise BadInput("bodies", str(centres), "bodies with a centre of their own")
+        # A condition that the others imply raises where the model is built, not at its first solution.
         if any(link.held for link in self.links):
             layout_of(self)
 
@@ -77,6 +78,7 @@ class RotorModel(Part):
             return list(chain.from_iterable(map(nodes_of, parts)))
 
         solid = {*nodes("shafts", "bodies"), None}
+        # An inertia holds nothing by itself: it needs a neighbour, and is one for the end of a link.
         inertias = {*nodes("disks", "masses")}
         ends = nodes("links", "magnetic_pulls")
         loose = inertias - solid - {*ends}
@@ -172,6 +174,7 @@ def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
         while waiting:
             reached = waiting.pop(0)
             for neighbour, step in steps[reached]:
+                # Joints that close a loop are not followed: the way that reached a node first decides.
                 if neighbour not in places:
                     places[neighbour] = places[reached] + step
                     waiting.append(neighbour)

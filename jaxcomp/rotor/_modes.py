@@ -75,6 +75,8 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
     blocks = add(blocks, diagonal, system.inertia).reshape(n, n, 2, 2, terms)
     planes = _PLANES[:terms, : dof // 2, : dof // 2]
+    # A term stands in the planes that `_PLANES` gives it: for its block B and the planes a and b the
+    # entries (node n, plane a, i), (node m, plane b, j) are B_ij times the number for a, b.
     k, m, g = (
         jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
         for q in (_STIFFNESS[: terms // 2], _INERTIA[: terms // 2], _POLAR)
@@ -141,6 +143,7 @@ class Modes(Result, eqx.Module):
         one; it is shown as zero.
         """
         rigid = self.square**2 <= (_RIGID * max_of(jnp.abs(self.square))) ** 2
+        # Double where: the slope of sqrt at zero is infinite.
         return jnp.where(rigid, 0.0, jnp.sqrt(jnp.where(rigid, 1.0, self.square)))
 
 
@@ -224,6 +227,7 @@ def modal_damping_vectors(system: System) -> Float[Array, "m nodes planes 2"]:
     active = np.flatnonzero(layout.active)
     modes = _undamped_modes(system, full, ratio.shape[0], jnp.zeros(()), False)
     motion = modes.shape.reshape(ratio.shape[0], -1)[:, active]
+    # phi^T M phi = 1, so that v = M phi sqrt(2 zeta w) gives phi^T (v v^T) phi = 2 zeta w.
     vectors = jnp.sqrt(2 * ratio * modes.frequency)[:, None] * (motion @ full.mass)
     out = jnp.zeros((ratio.shape[0], layout.n * layout.dof)).at[:, active].set(vectors)
     return jax.vmap(lambda v: to_planes(v, layout.dof))(out.reshape(-1, layout.n, layout.dof))
@@ -280,6 +284,7 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     first = lambda t: jax.jvp(system, (t,), (jnp.ones_like(t),))[1]  # noqa: E731
     zero = jnp.asarray(0.0)
     (k, m, expand), (dk, dm, dexpand) = jax.jvp(system, (zero,), (jnp.ones(()),))
+    # forward mode twice along one direction: the part of x' inside a cluster needs K'' and M''
     ddk, ddm, _ = jax.jvp(first, (zero,), (jnp.ones(()),))[1]
     mu, x = pencil(k, m)
     x = x[:, :count] / jnp.sqrt(mu[:count])

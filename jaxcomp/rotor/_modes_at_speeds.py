@@ -73,6 +73,7 @@ class CampbellDiagram(Result):
         critical = []
         if self.critical is not None:
             speed, growth = map(np.asarray, (self.critical.speed, self.critical.growth))
+            # at order 1 the eigenvalue is a + i W
             damping = -growth / np.hypot(growth, speed)
             critical = records(speed=speed, growth=growth, damping_ratio=damping)
         modes = fields_of(self.modes, "frequency", "damping_ratio", "whirl")
@@ -114,6 +115,7 @@ class RotorModes(Result):
         names = node_names(self.model)
         words = subset_names(self.model)
         groups = [list(map(names.index, group)) for group in subsets(self.model)]
+        # of u_x and u_y alone: rotations have another unit and cannot be compared with them
         size = np.abs(np.asarray(self.modes[place].shape))[..., :2].max(-1)
         largest = np.stack([size[:, group].max(-1) for group in groups], -1)
         # what a model with few modes lacks is not a number, and moves nothing

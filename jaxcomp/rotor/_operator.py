@@ -45,6 +45,7 @@ class Operator(NamedTuple):
         inert = -(w**2)
         if self.system.damping is not None:
             alpha, _ = self.system.damping
+            # alpha alone: a rigid body has no stiffness that beta could act on
             inert = inert + 1j * w * alpha
         return inert * mass + 1j * w * self.spin_speed * gyro
 
@@ -90,6 +91,7 @@ def apply(z: Operator, x: Complex[Array, "n p 2"], *, transpose=False) -> Comple
     inside = follow(system, jnp.where(active, x, 0.0))
     f = collect(system, _node_forces(z, inside, transpose))
     if system.modal is not None:
+        # C = sum v v^T is full and never formed: first the motion along every v, then the force along it.
         modal = jnp.einsum("mnpk,npk->m", system.modal, inside)
         f = f + 1j * z.frequency * jnp.einsum("mnpk,m->npk", system.modal, modal)
     return jnp.where(active, f, x)
@@ -118,6 +120,7 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
     to_components = whirl(system.dof, transpose)
     components = jnp.einsum("lp,npk->nlk", to_components, x)
     terms = z.coefficients
+    # Without the first term: disks and masses have no stiffness.
     node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
     f = jnp.einsum("nijl,nlj->nli", node, components)
     if len(pairs):
@@ -153,6 +156,7 @@ def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:
 
 def link_force(layout: Layout, links: Array, x: Array) -> Array:
     """[N], [N m] (l, dof) Force of each link on its second node or the ground, from K (x_a - x_b)."""
+    # the ground, whose number is that behind the last node, reads a motion of zero
     ground = jnp.concatenate([x, jnp.zeros_like(x[:1])])
     ends = take(ground, layout.links).reshape(-1, 2, layout.dof)
     return jnp.einsum("lij,lj->li", links, ends[:, 0] - ends[:, 1])
@@ -173,6 +177,7 @@ def scale(z: Operator) -> Float[Array, "n p 2"]:
     if dof == 6:
         planes.append(node[..., 3] + square * node[..., 4])
     out = jnp.stack(planes, 1)
+    # The gyroscopic term couples one plane with the other and has no part in the diagonal.
     of_links = jnp.einsum("lii->li", jnp.abs(z.stiffness) + w * jnp.abs(z.damping))
     of_links = jnp.stack([of_links, of_links], 1)
     out = add(out, layout.links, of_links.reshape(-1, 2, *out.shape[1:]))

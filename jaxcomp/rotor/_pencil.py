@@ -47,6 +47,7 @@ def definite_pencil(
     """
     matrix, weight = _scaled(k)
     lower = jnp.linalg.cholesky(matrix).astype(m.dtype)
+    # A = L^{-1} M L^{-H} with K = L L^H and x = L^{-H} v: K is factorised, as M may be singular.
     half = jax.scipy.linalg.solve_triangular(lower, weight[:, None] * m * weight, lower=True)
     a = jax.scipy.linalg.solve_triangular(lower, half.conj().T, lower=True)
     mu, v = eigh((a + a.conj().T) / 2)

@@ -36,6 +36,7 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     m, c = layout.segment.shape
     blocks = elements.reshape(-1, 2, 2, 2, 2, terms)  # (e, end, component, end, component, .)
     ends = jnp.stack([blocks[:, 0, :, 0], blocks[:, 1, :, 1]], 1)
+    # A row of zeros behind the last node is what empty places of the segments read.
     diagonal = add(jnp.concatenate([inertia, jnp.zeros((1, 2, 2, terms))]), layout.pairs, ends)
     diagonal = diagonal.reshape(-1, 4, terms)
     kind, first, second, turned = layout.slots.T

@@ -278,11 +278,13 @@ def _transmitted(model, response):
         push = link_force(system.layout, z.links, to_planes(x, system.dof))
         return from_planes(push.reshape(-1, system.dof // 2, 2), system.dof)
 
+    # one for each axis of the batch: none, speeds, or orders and speeds
     for _ in range(response.frequency.ndim):
         forces_of_links = jax.vmap(forces_of_links)
     push = forces_of_links(response.displacement, response.frequency, response.spin_speed)
     if response.held is None:
         return push
+    # a held link has no law, so that its entry is zero until here
     return push.at[..., : len(system.model.links), :].add(response.held)
 
 
@@ -295,6 +297,7 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
         out = _answer(z, make_solver(z, solver), force)
         if keep is None:
             return out
+        # Dropped within the batch, so that no array holds all nodes at all speeds.
         return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
 
     def at_speed(spin):

@@ -207,6 +207,7 @@ def shaft_polar_inertia(shaft: ShaftElements) -> Float[Array, " n"]:
     """[kg m^2] Inertia of each element about the axis, exact for cones as well."""
     (outer, inner), (outer_end, inner_end) = end_diameters(shaft)
 
+    # Over a linear taper; as a sum, because (a^5 - b^5)/(a - b) is 0/0 for a cylinder.
     def mean_fourth_power(a, b):
         return sum(a ** (4 - k) * b**k for k in range(5)) / 5
 
@@ -233,6 +234,7 @@ def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
     joined = jax.tree.map(lambda *x: jnp.concatenate(x), *of_kinds)
     if len(kinds) == 1:
         return joined
+    # back from kinds to the order of the tables, in which `Layout` numbers the elements
     order = np.argsort(np.concatenate(places))
     return jax.tree.map(lambda x: x[order], joined)
 
@@ -250,6 +252,7 @@ def _columns(shaft):
     outer, inner = (jnp.stack(ends, -1) for ends in zip(*end_diameters(shaft), strict=True))
     constant = shaft.shear_constant
     if constant is None:
+        # No law but "constant" reads it; it gives the tables of a kind the same columns.
         constant = jnp.ones_like(shaft.length)
     return (
         shaft.length,
@@ -287,6 +290,8 @@ def _element(theory, shear_law, spins, length, outer, inner, young, density, poi
     start = moment + force * length / 2  # bending moment at the left node
     r, v = s[:, None] * s[None, :], s[:, None] * w[None, :]  # points and weights of (0, s)
     _, _, bend_r, slack_r = section(r)
+    # From the left node phi' = (M_1 - Q x)/EI. The lever s - x makes of the two integrations of the
+    # curvature that lead to u a single one.
     x = length * r
     beyond = length * (s[:, None] - r)
     turn = jnp.sum(v * bend_r, 1)[:, None] * start - jnp.sum(v * bend_r * x, 1)[:, None] * force
@@ -365,6 +370,7 @@ def stepped_shaft(
         if f"{name}_end" in table:
             a = table.get(name, jnp.zeros(len(which)))
             b = table[f"{name}_end"]
+            # a cone is cut into shorter ones whose ends lie on its line
             table[name] = a + (b - a) * within * share
             table[f"{name}_end"] = a + (b - a) * (within + 1) * share
     nodes = tuple((first + i, first + i + 1) for i in range(len(which)))

@@ -146,6 +146,7 @@ def _status(x, correction, amplification) -> Int[Array, ""]:
 
 
 def _ratio(a: Float[Array, ""], b: Float[Array, ""]) -> Float[Array, ""]:
+    # No load has no response: 0/0 counts as zero, since a NaN would make the status "not finite".
     return jnp.where(a == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
 
 

@@ -90,6 +90,7 @@ def bare(model: RotorModel | System) -> System:
     for table in (*model.disks, *model.masses):
         mass, polar, axial = inertia_matrices(table)
         none = jnp.zeros_like(mass)
+        # as `TERMS`, of which a model without torsion has the first three; inertia has no stiffness
         terms = jnp.stack([none, mass, polar, none, axial][: elements.shape[-1]], -1)
         inertia = add(inertia, np.array([number[node] for node in table.nodes], int), terms)
     arms = tie_matrices(layout.ties, layout.slaved, body_arms(model.bodies, dof))
@@ -140,6 +141,7 @@ def _elements(model, layout):
     if components == 2:
         full = jnp.stack([bend, el.mass, el.polar], -1)
         return jnp.stack([strain] * 2, 1), jnp.stack([half] * 2, 1), full
+    # `_BAR` in the place of J, so that products go through lateral and axial components alike
     bars = el.axial[:, ::-1, None] * _BAR  # torsion first, as the rotation among the deformations
     stretch = jnp.einsum("eki,kj->eij", bars, _BAR)
     full = jnp.stack([bend, el.mass, el.polar, stretch, el.axial_mass], -1)
@@ -173,6 +175,7 @@ def link_matrices(
     table = jnp.concatenate([*values, jnp.zeros((2, 1))], 1)
     at = np.array(places, int).reshape(-1, dof, dof)
     coefficients = take(table.T, np.where(at < 0, used, at))
+    # Laws speak of th_x, nodes of -th_x: what couples it with other axes changes its sign.
     coefficients = coefficients * (signs[:, None] * signs)[..., None]
     lateral = np.zeros((dof, dof, 2))
     # u_x and u_y are the coordinates 0 and 2; a pull has no damping.
@@ -219,6 +222,7 @@ def follow(system: System, x: Array) -> Array:
     node, master = layout.ties.nodes
     leading = take(x, master).reshape(-1, layout.dof)
     moved = jnp.einsum("sij,sj->si", system.arms, leading).reshape(-1, *shape)
+    # cleared before it is added to: the vector may hold anything on coordinates that follow
     return add(x * layout.free, node, moved)
 
 

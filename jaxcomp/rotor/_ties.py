@@ -83,6 +83,7 @@ def tie_matrices(
     n, dof = ties.free.shape
     relations, _, free = _relations(n, dof, slaved, arms, ties.holds)
     rows = [relations[a][b] * ~free[a][:, None] for a, b in ties.nodes.T]
+    # The zeros go again; with them the stack has a shape also where nothing follows.
     return jnp.stack([jnp.zeros((dof, dof)), *rows])[1:]
 
 

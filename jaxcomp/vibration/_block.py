@@ -123,6 +123,7 @@ def orbit_load(
     of_runs = run_forces(compressor, orbit)
     amplitude = load.amplitude
     for pipe in suspension.pipes:
+        # without the mean, which the springs carry; the waves may have fewer orders than the load
         force = of_runs[pipe.run][:, 1 : 1 + count]
         orders = force.shape[1]
         arm = pipe.position - suspension.mass_centre
@@ -142,6 +143,7 @@ def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
         Displacement [m] and rotation [rad] of the block, shape (6, n).
     """
     block = suspension.rotor
+    # the block as such does not spin: Eq. (42) leaves out the gyroscopic moments of the rotor within it
     no_spin = jnp.zeros(())
 
     def at(force, frequency):
@@ -157,6 +159,7 @@ def free_body_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     inertias = (suspension.inertia_x, suspension.inertia_y, suspension.inertia_z)
     mass = jnp.stack([*(suspension.mass,) * 3, *inertias])
     # M is diagonal about the mass centre, for the products of inertia are neglected.
+    # The sign of d^2/dt^2 of e^{iwt}: far above its springs a block moves against the force.
     amplitude = -load.amplitude / mass[:, None] / load.frequency**2
     return Harmonics(amplitude, load.speed)
 
@@ -195,6 +198,7 @@ def free_body_error(
 def _deviation(free: Harmonics, true: Harmonics) -> Float[Array, " n"]:
     """[-] Of one motion from another over the other's amplitude, by harmonic."""
     amplitude = true.amplitude
+    # over the three axes together: along one of them the point may not move at all
     return jnp.linalg.norm(free.amplitude - amplitude, axis=0) / jnp.linalg.norm(amplitude, axis=0)
 
 
@@ -304,6 +308,8 @@ def _block_vibration(
         return {
             "position": point,
             "amplitude": jnp.abs(motion.amplitude[:, 0]),
+            # mean squares of the axes add up to that of the size of the displacement; its peak has no
+            # such rule
             "rms": jnp.linalg.norm(motion.rms),
             "peak": max_of(jnp.linalg.norm(motion.at(time), axis=0)),
             "free_body": jnp.abs(unsprung.amplitude[:, 0]),

@@ -96,6 +96,7 @@ def with_film_linearisation(machine: Machine, place: Literal["mean_load", "orbit
     for number in open_films(rotor):
         law = _film(rotor, number)
         if isinstance(law.bearing, NamedBearing):
+            # built anew, because the constructor sets the name by which an orbit is found
             law = LoadedFilm(law.bearing, linearised=place, name=law.name)
             links[number] = replaced(links[number], law=law)
     parts = machine.parts | {"rotor": eqx.tree_at(lambda r: r.links, rotor, tuple(links))}
@@ -132,6 +133,7 @@ def film_loads(
     # from the axes of each cylinder into those of the machine, where they add up
     pin_forces = crankshaft.turned(Vector(*pin_forces)).stacked()
     mean = jnp.sum(pin_forces, axis=1)
+    # sum of F z about the plane z = 0, with the components x and y of F
     moment = pin_forces @ crankshaft.position
     bearings = tuple(_film(rotor, number).bearing for number, _ in films)
     position = jnp.stack([z for _, z in films])
@@ -175,7 +177,9 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
         mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
     if "fluctuation" in left_out:
         assert crankshaft.inertia is not None
+        # heavy instead of held at its speed: the balance of torques stays among the equations
         crankshaft = replaced(crankshaft, inertia=1e6 * crankshaft.inertia)
+    # both are parts that a machine may lack; `rebuilt` takes a `None` in the place of a part
     changes: dict[str, Any] = dict.fromkeys({"gas", "friction"} & {*left_out})
     if "friction" in left_out:
         crankshaft = rebuilt(crankshaft, main_journal=None)
@@ -234,6 +238,8 @@ def crank_loads(
     if solver is None:
         solver = _OF_FORCES
     compressor = at_speed(machine.compressor, speed)
+    # nothing is raised, because this is mapped over speeds: one without a periodic state must not end
+    # the others
     orbit = solve_orbit(compressor, solver, throw=False)
     ok = orbit.converged
     films = {}
@@ -302,6 +308,7 @@ def loaded_rotor(
         )
         raise BadInput(f"rotor.links.{opened[0]}.law.load", None, bound)
     # At rest there is no revolution over which a force has a mean.
+    # Sorted, because the films interpolate over them.
     speeds = maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
@@ -318,6 +325,7 @@ def _load_tables(compressor, rotor, pins, speeds, solver):
         orbit = solve_orbit(at_speed(compressor, speed), solver, throw=False)
         # Held at its speed the crank has a periodic state even where the machine has none.
         motor = replaced(ConstantSpeed(1.0), mean_speed=speed)
+        # Motor or friction may be `None`, which counts as a leaf only where `is_leaf` says so.
         held_compressor = eqx.tree_at(
             lambda c: (c.motor, c.friction), compressor, (motor, None), is_leaf=lambda x: x is None
         )

@@ -67,6 +67,7 @@ def crank_forces(
     angle = state.state.angle
     loss_torques = state.loads.loss_torque
     none = jnp.zeros_like(angle)
+    # time counts from the first top dead centre, the phase from the crank at angle zero
     phase = state.mean_speed * state.time + first_top(compressor)
     # The nodes stand in angle; a mean over time weighs them by dt = d(angle)/speed.
     share = state.weight / state.state.speed
@@ -94,6 +95,7 @@ def crank_forces(
         pin, torque, side, lever = of_joints(single, cylinder_angle, at, losses)
         # M_z = x F_y - y F_x about the node of the wall: the friction acts along y = offset.
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
+        # the gas pushes its head along +x on the line y = offset: M_z = -y F_x
         wrenches = (
             ("rod", pin[0], pin[1], torque),
             ("gas", gas, none, -single.offset * gas),
@@ -150,6 +152,7 @@ def _slider_and_wall(mechanism: SliderLink, angle, forces, loss_torques):
     With `slider_moment = "paper"` the couple between slider and link is in none of the forces, and
     missing in the moments.
     """
+    # joints hold the forces on piston and slider, of which crank and wall feel the opposite
     pin = -forces["crank_pin"]
     torque = _pin_torque(mechanism, angle, pin) - loss_torques["crank_pin"]
     crown = -forces["wall_crown"]
@@ -164,6 +167,7 @@ def _slider_and_wall(mechanism: SliderLink, angle, forces, loss_torques):
 
 
 def _pin_torque(mechanism: SliderCrank | SliderLink, angle, force):
+    # M_z = x F_y - y F_x at the pin, whose centre lies at r (cos, sin)
     return mechanism.crank_radius * (jnp.cos(angle) * force[1] - jnp.sin(angle) * force[0])
 
 
@@ -171,6 +175,7 @@ def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
     """Coefficients (orders, 3) of cosine and sine, and the relative size of what is left out."""
     # The mean of cos^2 over a period is a half, but that of 1 is one.
     table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
+    # Products with the nodes' weights instead of an FFT, which needs nodes at even steps of time.
     cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
     sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])
     fitted = jnp.zeros_like(values)

@@ -43,6 +43,7 @@ def rotor_at(
     assembly = _with_rotor(machine)
     speeds = jnp.ravel(jnp.asarray(spin_speeds, float))
     assert assembly.rotor is not None
+    # without a speed nobody asks the films, and no crank is solved for their loads
     if not speeds.size:
         return assembly.rotor
     return loaded_rotor(assembly, speeds)
@@ -118,6 +119,8 @@ def respond(
 
 
 def _shaken_by_crank(assembly: Assembly, speeds, orders, solver, options) -> Response:
+    # Each speed has films and forces of its own, so that a batch of rotors is solved at one speed each,
+    # where `rotor.respond` has one rotor at all of them.
     def at(speed):
         crank = crank_loads(assembly, speed, orders, solver)
         model, loads = running_rotor(assembly, crank)
@@ -129,6 +132,7 @@ def _shaken_by_crank(assembly: Assembly, speeds, orders, solver, options) -> Res
     if speeds.ndim != 1 or not speeds.size:
         raise BadInput("spin_speeds", speeds, "a list of speeds")
     response = eqx.filter_jit(jax.vmap(at))(speeds)
+    # from (speeds, orders, 1, ...) to (orders, speeds, ...), as a response of one rotor has it
     return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), response)
 
 
@@ -204,6 +208,7 @@ def rotor_modes(
     speeds = [] if free else [spin_speeds]
     if over is not None and not free:
         speeds.append(over)
+    # one table of film loads for the points and the diagram, so that both show the same rotor
     model = rotor_at(machine, np.unique(np.concatenate(speeds)) if speeds else ())
     assert isinstance(model, RotorModel)
     point_modes = tuple(
@@ -232,6 +237,7 @@ def own_speeds(balancing: BalancingPlanes | None, compressor: Compressor | None)
     """
     if balancing is not None:
         return balancing.speeds
+    # a motor by its torque curve has no speed before the balance of torques is solved
     mean = getattr(getattr(compressor, "motor", None), "mean_speed", None)
     if mean is None:
         return None

@@ -104,6 +104,7 @@ class RotorMotion(Result):
 
     def orbits(self) -> dict[str, WhirlOrbit]:
         """The orbit of every watched node, (o, s) in all fields."""
+        # all nodes in one call, which gives a record of arrays; unpacked again into one for each node
         motions = np.stack([*self.motion.values()])
         all_orbits = jax.device_get(orbit(motions[..., 0], motions[..., 1]))
         rows = map(WhirlOrbit, *all_orbits)
@@ -142,6 +143,7 @@ class RotorMotion(Result):
             "nodes": {name: node(name) for name in self.motion},
             "links": self.forces,
             "correction": np.max(self.response.correction),
+            # a response that is not raises before there is a result, see `rotor_motion`
             "status": "ok",
             **{name: part for name, part in parts.items() if part is not None},
         }
@@ -174,6 +176,7 @@ def rotor_motion(
     """
     design = machine_of(machine)
     speeds = np.asarray(spin_speeds, float)
+    # films have the loads of all speeds in one table, of the curves as well
     model = _model(design, speeds if over is None else np.union1d(speeds, over))
     watched = _watched(design, model, nodes)
 
@@ -185,6 +188,8 @@ def rotor_motion(
     forces = np.asarray(transmitted_forces(model, response))
     links = {}
     for number, link in enumerate(model.links):
+        # A model of 4 degrees of freedom moves in no axial direction: a link along z transmits nothing
+        # in it.
         axes = [(k, axis) for k, axis in enumerate(AXES[model.dof]) if axis in link.axes]
         if axes:
             of_axes = {axis: forces[:, :, number, k] for k, axis in axes}
@@ -196,6 +201,7 @@ def rotor_motion(
         major = np.where(np.asarray(over_range.ok), _major(_relative(over_range, watched)), np.nan)
         curves = MotionOverSpeed(orders, np.asarray(over), dict(zip(watched, major, strict=True)))
     if moving := _moving_films(design):
+        # Twice the response, so that the difference shows whether the choice matters for this machine.
         linearised = {}
         for place in ("mean_load", "orbit"):
             other = with_film_linearisation(design, place)

@@ -32,6 +32,7 @@ def run_forces(compressor: Compressor, orbit: Orbit) -> dict[str, Complex[Array,
     forces = {}
     for name, series in pulsation.shaking_series().items():
         count = series.size // 2
+        # a series has its mean, all cosines, all sines: a cos + b sin is Re (a - ib) e^{in tau}
         amplitudes = series[1 : 1 + count] - 1j * series[1 + count :]
         amplitudes = amplitudes * jnp.exp(1j * jnp.arange(1, count + 1) * at_top)
         of_time = jnp.concatenate([series[:1].astype(complex), amplitudes])
@@ -63,8 +64,11 @@ def pipe_loads(
         for order in orders:
             row = jnp.zeros(3, complex)
             if order < amplitudes.shape[1]:
+                # from time since the top dead centre to the phase since angle zero, as in
+                # `crank_forces`
                 row = amplitudes[:, order] * jnp.exp(-1j * order * first_top(compressor))
             rows.append(row)
         table = jnp.stack(rows)
+        # Re F e^{inWt} = Re F cos - Im F sin
         loads.append(PeriodicForce(at.node, None, orders, table.real, -table.imag))
     return tuple(loads)

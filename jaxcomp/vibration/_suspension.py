@@ -107,12 +107,14 @@ class Suspension(Part):
         """The block as a rigid body that springs tie to the ground, a model of 6 degrees of freedom."""
         names = tuple(f"spring_{number}" for number in range(len(self.springs)))
         tensor = jnp.diag(jnp.stack([self.inertia_x, self.inertia_y, self.inertia_z]))
+        # a block without springs, which floats: `jnp.stack` takes no empty list
         arm = jnp.zeros((0, 3))
         if self.springs:
             arm = jnp.stack([spring.position - self.mass_centre for spring in self.springs])
         body = RigidBody("mass_centre", names, arm, self.mass, tensor)
         links = []
         for name, spring in zip(names, self.springs, strict=True):
+            # A spring's end takes no moment; those about the mass centre come by the rigid arms.
             links.append(Link((name, None), spring.law, ("ux", "uy", "uz")))
         nodes = ("mass_centre", *names)
         return RotorModel(bodies=(body,), links=tuple(links), dof=6, nodes=nodes)

@@ -58,6 +58,7 @@ def shaking_wrench(mechanism: AbstractMechanism | Compressor, state: CrankState)
 
 
 def _in_plane(force: Float[Array, "2 *n"], moment: Float[Array, "*n"]) -> Wrench:
+    # one cylinder's forces lie in its plane; its tilting moments come with its place along the shaft
     zero = jnp.zeros_like(moment)
     return Wrench(jnp.concatenate([force, zero[None]]), jnp.stack([zero, zero, moment]))
 
@@ -70,6 +71,7 @@ def _(mechanism: SliderLink, state: CrankState) -> Wrench:
     v = -second[1]
     static_moment_along = (mechanism.piston_mass + mechanism.slider_mass) * mechanism.crank_radius
     static_moment_across = mechanism.slider_mass * mechanism.crank_radius
+    # e - e_cl of Eq. (40): the mass centre of the piston lies at y = -arm
     arm = -mechanism.offset - mechanism.piston_centre_offset
     turning = mechanism.piston_mass * mechanism.crank_radius * arm * u
     moment = turning - static_moment_across * mechanism.crank_radius * state.acceleration
@@ -85,6 +87,7 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
     piston_acceleration = rod.position_1 * state.acceleration + rod.position_2 * state.speed**2
     tilt_acceleration = rod.tilt_1 * state.acceleration + rod.tilt_2 * state.speed**2
     offset = jnp.broadcast_to(mechanism.offset, rod.position.shape)
+    # the mass centre lies on the line of the eyes, between pin and piston: the lever's shares are exact
     at_pin = (1 - small_end) * mechanism.crank_radius
     centre = at_pin * direction + small_end * jnp.stack([rod.position, offset])
     centre_acceleration = (at_pin * second).at[0].add(small_end * piston_acceleration)
@@ -102,6 +105,7 @@ def _(compressor: Compressor, state: CrankState) -> Wrench:
     cylinder_state = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
     wrenches = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), cylinder_state)
     second = Vector(*rotating(*state)[1])
+    # all of the force, and all of its moment: sums of m a and of z m a over the unbalances
     pulls = crankshaft.crank_pulls(second, compressor.mechanism, [(1.0, 0.0), (0.0, 1.0)])
     pull, tilting = (vector.stacked() for vector in pulls)
     force = crankshaft.turned(Vector(wrenches.force[0], wrenches.force[1])).stacked()

@@ -46,6 +46,7 @@ class HeatInput(NamedTuple):
     outward: Float[Array, ""]
     suction_open: Float[Array, ""]
     discharge_open: Float[Array, ""]
+    # as if the gas moved with the whole section of the bore, to be compared with the piston
     port_speed: Float[Array, ""]
 
     def reynolds(self, velocity, length=None):
@@ -61,6 +62,7 @@ class AbstractHeat(Part):
         conductivity: [W/(m K)] of the gas; the fluid's own if absent.
     """
 
+    # with both of these given the fluid's transport properties are not computed for it
     viscosity: Float[Array, ""] | None = quantity(
         "Pa s", POSITIVE, default=None, doc="of the gas; the fluid's own if absent"
     )

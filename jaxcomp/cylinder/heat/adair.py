@@ -17,8 +17,10 @@ class Adair(AbstractHeat):
     kind: ClassVar[str] = "adair"
 
     def coefficient(self, at):
+        # diameter of a sphere with this ratio of volume to surface
         length = 6 * at.volume / at.wall_area
         swirl = 2 * at.speed * (1.04 + jnp.cos(2 * at.angle))
         swirl = jnp.where(jnp.cos(at.angle) > 0, swirl, 0.5 * swirl)
+        # the swirl is an angular velocity: at the wall of the bore it is a speed
         reynolds = at.reynolds(0.5 * at.bore * swirl, length)
         return 0.053 * reynolds**0.8 * at.prandtl**0.6 * at.conductivity / length

@@ -24,5 +24,6 @@ class Annand(AbstractHeat):
     exponent: Float[Array, ""] = quantity("", POSITIVE, default=0.7)
 
     def coefficient(self, at):
+        # the mean speed has no kink at the dead centres, where that of the instant is zero
         number = self.factor * at.reynolds(at.piston_speed) ** self.exponent
         return number * at.conductivity / at.bore

@@ -11,5 +11,6 @@ class LiuZhou(AbstractHeat):
     kind: ClassVar[str] = "liu_zhou"
 
     def coefficient(self, at):
+        # one law for all phases of the revolution, which differ by the state of the gas alone
         number = 0.75 * at.reynolds(at.piston_speed) ** 0.8 * at.prandtl**0.6
         return number * at.conductivity / at.bore

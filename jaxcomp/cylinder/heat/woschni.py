@@ -12,6 +12,7 @@ class Woschni(AbstractHeat):
     kind: ClassVar[str] = "woschni"
 
     def coefficient(self, at):
+        # a jump, but at events of the valves, where panels end: the law is smooth on each of them
         open_now = maximum(at.suction_open, at.discharge_open)
         velocity = (2.28 + (6.18 - 2.28) * open_now) * at.piston_speed
         return 0.035 * at.reynolds(velocity) ** 0.8 * at.conductivity / at.bore
