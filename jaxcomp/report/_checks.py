@@ -28,9 +28,10 @@ def checks(result: Mapping[str, Any]) -> tuple[Check, ...]:
     """The checks that the keys of a result of the command line allow, in a fixed order."""
     allowed = []
     for keys, make in _CHECKS:
-        check = make(result) if result.keys() >= set(keys) else None
-        if check is not None:
-            allowed.append(check)
+        if result.keys() >= set(keys):
+            check = make(result)
+            if check is not None:
+                allowed.append(check)
     return tuple(allowed)
 
 
@@ -76,7 +77,8 @@ def _margin(result) -> Check:
 
 def _stable(result) -> Check:
     good = all(result["stable"])
-    return Check("Stability", "stable" if good else "unstable", good, "no mode grows")
+    answer = "stable" if good else "unstable"
+    return Check("Stability", answer, good, "no mode grows")
 
 
 def _failed(name: str, all_of_them: str):
@@ -90,7 +92,9 @@ def _failed(name: str, all_of_them: str):
 
 def _recommended(result) -> Check:
     good = result["recommended"] is not None
-    answer = "found" if good else "none of those tried"
+    answer = "none of those tried"
+    if good:
+        answer = "found"
     return Check(f"Options with an error of at most {result['error']:g}", answer, good, "found")
 
 
@@ -101,7 +105,8 @@ def _optimum(result) -> Check:
 
 def _feasible(result) -> Check:
     good = bool(result["feasible"])
-    return Check("Constraints", "kept" if good else "violated", good, "kept")
+    answer = "kept" if good else "violated"
+    return Check("Constraints", answer, good, "kept")
 
 
 def _condition(result) -> Check:
@@ -116,7 +121,9 @@ def _gap(result) -> Check:
 
 
 def _number(value: Any) -> float:
-    return float(value) if isinstance(value, int | float) else 0.0
+    if not isinstance(value, int | float):
+        return 0.0
+    return float(value)
 
 
 _CHECKS = (

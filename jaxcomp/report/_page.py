@@ -86,8 +86,8 @@ def report(
         sources,
     ]
     titles = re.findall(r"<h2 id=\"([^\"]*)\">(.*?)</h2>", "".join(parts))
-    links = "".join(f'<a href="#{place}">{title}</a>' for place, title in titles)
-    parts.insert(1, f"<nav>{links}</nav>")
+    links = [f'<a href="#{place}">{title}</a>' for place, title in titles]
+    parts.insert(1, f"<nav>{''.join(links)}</nav>")
     style = (resources.files("jaxcomp.report") / "style.css").read_text("utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -147,7 +147,9 @@ def numbers_html(result: Mapping[str, Any]) -> str:
 
 def rich_html(markup: Any) -> str:
     """A text with the markup of the terminal as HTML."""
-    text = markup if isinstance(markup, Text) else Text.from_markup(str(markup))
+    text = markup
+    if not isinstance(markup, Text):
+        text = Text.from_markup(str(markup))
     # spans may overlap: between two ends of any of them the look is one
     cuts = {0, len(text.plain)}
     for span in text.spans:
@@ -158,10 +160,13 @@ def rich_html(markup: Any) -> str:
         for span in text.spans:
             if span.start <= begin and span.end >= end:
                 words.update(str(span.style).split())
-        classes = " ".join(_CLASSES[word] for word in sorted(words) if word in _CLASSES)
+        classes = []
+        for word in sorted(words):
+            if word in _CLASSES:
+                classes.append(_CLASSES[word])
         piece = escape(text.plain[begin:end])
         if classes:
-            piece = f'<span class="{classes}">{piece}</span>'
+            piece = f'<span class="{" ".join(classes)}">{piece}</span>'
         out.append(piece)
     return "".join(out)
 
@@ -184,7 +189,9 @@ def _table(table: Table) -> str:
     for number, row in enumerate(table.rows):
         cells = "".join(column[number] for column in columns)
         cells = re.sub(r"(?<=\d) (?=[^\d\s<]\S{0,5}<)", "&nbsp;", cells)  # a number and its unit
-        opening = '<tr class="last">' if row.end_section else "<tr>"
+        opening = "<tr>"
+        if row.end_section:
+            opening = '<tr class="last">'
         body.append(f"{opening}{cells}</tr>")
     head = ""
     if any(headers):
@@ -202,14 +209,16 @@ def _cells(column: Column) -> list[str]:
     if column.justify == "right":
         rooms = _rooms(texts)
     side = f' class="{column.justify}"'
-    rows = zip(texts, rooms, strict=True)
-    return [f"<td{side}>{rich_html(text)}{room}</td>" for text, room in rows]
+    cells = []
+    for text, room in zip(texts, rooms, strict=True):
+        cells.append(f"<td{side}>{rich_html(text)}{room}</td>")
+    return cells
 
 
 def _names_rows(column: Column) -> bool:
     """Whether the cells of a column are names of the rows, and no numbers."""
-    texts = [Text.from_markup(str(cell)).plain for cell in column.cells]
-    return any(texts) and not all(re.match(r"[+-]?\d", text) for text in texts if text)
+    filled = [text for text in _plain_texts(column.cells) if text]
+    return bool(filled) and not all(re.match(r"[+-]?\d", text) for text in filled)
 
 
 def _rooms(cells: Iterable[Any]) -> list[str]:
@@ -218,9 +227,16 @@ def _rooms(cells: Iterable[Any]) -> list[str]:
     It is set in the same letters, which are neither shown nor copied with the number.
     """
     rooms = []
-    for room in behind([Text.from_markup(str(cell)).plain for cell in cells]):
-        rooms.append(f'<i class="room" data-room="{escape(room)}"></i>' if room else "")
+    for room in behind(_plain_texts(cells)):
+        if room:
+            room = f'<i class="room" data-room="{escape(room)}"></i>'
+        rooms.append(room)
     return rooms
+
+
+def _plain_texts(cells: Iterable[Any]) -> list[str]:
+    """Texts of cells without the markup of the terminal."""
+    return [Text.from_markup(str(cell)).plain for cell in cells]
 
 
 def _flat(result: Mapping[str, Any], above: str = ""):
@@ -264,9 +280,11 @@ def _saved(figure: Figure, kind: str) -> bytes:
     out = BytesIO()
     # letters as outlines: the reader's machine may not have the font
     options = {"svg.fonttype": "path", "svg.hashsalt": "jaxcomp"}
-    plain = {"Date": None} if kind == "svg" else None
+    metadata = None
+    if kind == "svg":
+        metadata = {"Date": None}
     with matplotlib.rc_context(options):
-        figure.savefig(out, format=kind, dpi=_DPI, metadata=plain)
+        figure.savefig(out, format=kind, dpi=_DPI, metadata=metadata)
     return out.getvalue()
 
 
@@ -296,11 +314,14 @@ def _tally(rows: tuple[DescribedValue, ...]) -> str:
 
 
 def _row(row: DescribedValue) -> str:
-    written = "" if row.given is None else str(row.given)
+    opening = "<tr>"
+    written = str(row.given)
+    if row.given is None:
+        opening = '<tr class="faint">'
+        written = ""
     # a long path breaks between its words
     path = re.sub(r"([._])", r"\1<wbr>", f"<td>{escape(row.path)}</td>")
     cells = map(escape, (written, _si(row), row.source, row.doc))
-    opening = '<tr class="faint">' if row.given is None else "<tr>"
     return f"{opening}{path}<td>{'</td><td>'.join(cells)}</td></tr>"
 
 

@@ -91,8 +91,11 @@ def start_from(scene: Scene, name: str) -> str:
     head: dict[str, Any] = {}
     tables: dict[str, Any] = {}
     for key, entry in scene.document.items():
-        target = tables if is_section(entry) else head
-        target[key] = _without_sources(entry, key)
+        content = _without_sources(entry, key)
+        if is_section(entry):
+            tables[key] = content
+        else:
+            head[key] = content
     head["name"] = name
     head["description"] = f"Started from {scene.name}"
     head["source"] = f"value of {scene.name}, to be replaced"
@@ -157,7 +160,9 @@ def _section_lines(table, entry: Section, path: str, explained: set[type]) -> li
         if alternatives:
             lines += _comment(f"Other types: {_kinds_in_words(alternatives)}")
     lines.append(entry.title(path))
-    lines += [f"{key} = {value_text(table[key])}" for key in ("type", "source") if key in table]
+    for key in ("type", "source"):
+        if key in table:
+            lines.append(f"{key} = {value_text(table[key])}")
     lines += _keys(table, part, comments=comments)
     for name, inner in entries(part).items():
         if not isinstance(inner, Section):
@@ -182,7 +187,10 @@ def tables_under(table: Mapping[str, Any], name: str) -> list[Any]:
 
 def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[str]:
     """The values of a section, then its optional ones that are not given."""
-    value_entries = {n: e for n, e in entries(part).items() if isinstance(e, Number | Option)}
+    value_entries = {}
+    for name, entry in entries(part).items():
+        if isinstance(entry, Number | Option):
+            value_entries[name] = entry
     descriptions = meanings(part)
     lines = []
     for name, entry in value_entries.items():
@@ -204,7 +212,9 @@ def _keys(table, part: type[Part], comments=True, only_numbers=False) -> list[st
 
 def meaning(entry: Entry, description: str) -> str:
     """The comment on an entry: what it must be, and the description of its declaration."""
-    example = _nodes_example(entry.hint) if isinstance(entry, Option) else ""
+    example = ""
+    if isinstance(entry, Option):
+        example = _nodes_example(entry.hint)
     if example and description:
         return f"{example}: {description}"
     text = expected(entry)
@@ -235,12 +245,15 @@ def _nodes(hint: Any, first: int = 1) -> str:
     if inner[-1] is Ellipsis:  # of any length: two show that
         inner = inner[:1] * 2
     shown = [_nodes(member, at) for at, member in enumerate(inner, first)]
-    return f"[{', '.join(shown)}]" if all(shown) else ""
+    if not all(shown):
+        return ""
+    return f"[{', '.join(shown)}]"
 
 
 def default_text(part: type[Part], name: str, entry: Entry) -> str:
     """The default of an entry as it is typed, `...` where there is none."""
-    value = next(f.default for f in dataclasses.fields(part) if f.name == name)
+    defaults = {field.name: field.default for field in dataclasses.fields(part)}
+    value = defaults[name]
     if value is None:
         return "..."
     if isinstance(entry, Number):
@@ -253,7 +266,9 @@ def default_text(part: type[Part], name: str, entry: Entry) -> str:
 def _with_comment(text: str, comment: str) -> list[str]:
     """A line with its comment, which stands above it where it does not fit behind."""
     line = f"{text.ljust(_COLUMN)} # {comment}"
-    return [line] if len(line) <= _WIDTH else [*_comment(comment), text]
+    if len(line) <= _WIDTH:
+        return [line]
+    return [*_comment(comment), text]
 
 
 def _comment(*texts: str) -> list[str]:

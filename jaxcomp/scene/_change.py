@@ -61,12 +61,15 @@ def with_values(scene: Scene, changes: Mapping[str, Any], source: str = "set by 
         scene = _with_entries(scene, entry_changes, source)
     # of the fluid that is set now
     entries_of_file = {}
+    fractions = {}
     for path, value in fraction_changes.items():
-        if not is_fraction(scene.machine, path):
+        if is_fraction(scene.machine, path):
+            fractions[path] = value
+        else:
             entries_of_file[path] = value
     if entries_of_file:
         scene = _with_entries(scene, entries_of_file, source)
-    fractions = {p: value for p, value in fraction_changes.items() if p not in entries_of_file}
+
     if fractions:
         scene = _with_fractions(scene, fractions)
     for name, value in by_name(scene.machine, rule_changes).items():
@@ -120,7 +123,9 @@ def with_lists(scene: Scene, paths: Iterable[str]) -> Scene:
                 value = float(variable(scene.machine, name).current(scene.machine))
                 table = {"value": f"{value} {single[name]}".strip(), "source": "default"}
             changes[name] = {**table, "value": [table["value"]] * count}
-    return _with_entries(scene, changes, "") if changes else scene
+    if not changes:
+        return scene
+    return _with_entries(scene, changes, "")
 
 
 def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
@@ -129,7 +134,9 @@ def _entry(document: Mapping[str, Any], path: str) -> dict[str, Any]:
         node = at(document, path)
     except LookupError:
         return {}
-    return dict(node) if isinstance(node, Mapping) else {"value": node}
+    if isinstance(node, Mapping):
+        return dict(node)
+    return {"value": node}
 
 
 def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scene:
@@ -143,12 +150,15 @@ def _with_entries(scene: Scene, changes: Mapping[str, Any], source: str) -> Scen
         placed = path not in AMBIGUOUS and any(places_of(scene.document, path))
         if "." not in path and path not in top_keys and not placed:
             variables = {*variable_names(scene.machine)}
-            rules = variables if path in AMBIGUOUS else variables & {*DESIGN_RULES}
-            near = did_you_mean(path, top_keys | rules)
+            if path not in AMBIGUOUS:
+                variables &= {*DESIGN_RULES}
+            near = did_you_mean(path, top_keys | variables)
             raise SceneError(path, f"is no section and no design rule{near}", file=scene.file)
     single_changes = {}
     for path, value in changes.items():
-        names = matching(scene.machine, path) if "*" in path else [path]
+        names = [path]
+        if "*" in path:
+            names = matching(scene.machine, path)
         single_changes |= dict.fromkeys(names, value)
     changes = single_changes
     document = copy.deepcopy(dict(scene.document))
@@ -192,7 +202,10 @@ def with_machine(scene: Scene, machine: Machine, source: str) -> Scene:
     document = dict(scene.document)
 
     def renewed(tables, olds, news):
-        return {name: _updated(tables[name], olds[name], new, source) for name, new in news.items()}
+        sections = {}
+        for name, new in news.items():
+            sections[name] = _updated(tables[name], olds[name], new, source)
+        return sections
 
     if machine.compressor is not None:
         document = _updated(document, old.compressor, machine.compressor, source)
@@ -220,7 +233,8 @@ def optimised_scene(scene: Scene, optimum: "Optimum") -> tuple[Scene, list[str]]
     if not optimum.feasible:
         source = f"nearest to the limits, {source}: {optimum.verdict}"
     best_scene = with_machine(scene, optimum.design, source)
-    return best_scene, [name for name in optimum.values if name.startswith("corrections.")]
+    masses = [name for name in optimum.values if name.startswith("corrections.")]
+    return best_scene, masses
 
 
 def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> set[str]:
@@ -244,7 +258,7 @@ def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> 
     node: Any = document
     for place, key in enumerate(keys[:-1]):
         node = _opened(node, path, keys[:place], key)
-        node = node[int(key)] if isinstance(node, list) else node.setdefault(key, {})
+        node = _inner(node, key)
     *above, key = keys
     node = _opened(node, path, above, key)
     if isinstance(node, list):
@@ -256,10 +270,19 @@ def _set_value(document: dict[str, Any], path: str, value: Any, source: str) -> 
     elif isinstance(value, Mapping) or key in _PLAIN or _are_sections(value):
         node[key] = copy.deepcopy(value)
         if key == "type":
-            return {".".join([*above, other]) for other in node if other != "type"}
+            return _paths_beside_type(node, above)
     else:
         node[key] = {"value": value, "source": source}
     return set()
+
+
+def _paths_beside_type(section: Mapping[str, Any], above: list[str]) -> set[str]:
+    """Paths of the other entries of a section, whose keys stand below those `above`."""
+    paths = set()
+    for key in section:
+        if key != "type":
+            paths.add(".".join([*above, key]))
+    return paths
 
 
 def _opened(node: Any, path: str, above: list[str], key: str) -> dict[str, Any] | list[Any]:
@@ -280,6 +303,13 @@ def _opened(node: Any, path: str, above: list[str], key: str) -> dict[str, Any] 
     return node
 
 
+def _inner(node: dict[str, Any] | list[Any], key: str) -> Any:
+    """An entry of a table or list; a section that lacks is added to its table."""
+    if isinstance(node, list):
+        return node[int(key)]
+    return node.setdefault(key, {})
+
+
 def _updated(table: Mapping[str, Any], old: Part | None, new: Part, source: str) -> dict[str, Any]:
     """A section that describes `new`, given the one that describes `old`.
 
@@ -296,8 +326,10 @@ def _updated_entries(
 ) -> dict[str, Any]:
     """Such a section, entry by entry."""
     same = type(old) is type(new)
+    out = {}
     # the top of a document keeps its header and its other sections
-    out = copy.deepcopy(dict(table)) if same or old is None else {}
+    if same or old is None:
+        out = copy.deepcopy(dict(table))
     if not same:
         out["type"] = _kind_in_files(type(new))
         old = None
@@ -322,7 +354,8 @@ def _updated_entries(
 def _updated_inner(section: Any, old: Part | None, new: Part, source: str) -> Any:
     """A section inside another one, or the name of a bearing in its place."""
     if not isinstance(new, NamedBearing):
-        return _updated({} if old is None else section, old, new, source)
+        table = {} if old is None else section
+        return _updated(table, old, new, source)
     if getattr(old, "name", None) == new.name:
         return section
     return {"value": new.name, "source": source}

@@ -160,9 +160,10 @@ class Columns:
 
     def _numbers(self, name: str, empty: float | None) -> NDArray:
         place = self._places[name]
-        numbers = [
-            cell_number(row.cells[place], f"line {row.number}.{name}", empty) for row in self._rows
-        ]
+        numbers = []
+        for row in self._rows:
+            key = f"line {row.number}.{name}"
+            numbers.append(cell_number(row.cells[place], key, empty))
         return np.array(numbers, float)
 
     def _scale(self, name: str, si: str, level: bool) -> tuple[float, float]:
@@ -181,7 +182,8 @@ class Columns:
         heads = []
         for name in allowed:
             unit = self._examples.get(name, "")
-            heads.append(f"{name} [{unit}]" if unit else name)
+            head = f"{name} [{unit}]" if unit else name
+            heads.append(head)
         return f'"{",".join(heads)}"'
 
     def has_dimension(self, name: str, si: str) -> bool:
@@ -206,7 +208,9 @@ def _refuse_setting(name: str, settings: Mapping[str, str]) -> None:
 
 def _column_name(head: Head, allowed: Sequence[str], deviations: bool) -> str:
     """Name of a column as it is known."""
-    deviation = _DEVIATION.fullmatch(head.name) if deviations else None
+    deviation = None
+    if deviations:
+        deviation = _DEVIATION.fullmatch(head.name)
     if deviation is None:
         return _allowed_name(head, head.name, allowed, "is an unknown column")
     plain = deviation[1].strip()

@@ -85,7 +85,9 @@ def _rows(scene: Scene, part: Part, table: Any, path: str) -> Iterator[Described
             several = len(choices(entry.classes)) > 1
             yield from _inner_rows(scene, value, table[name], place, doc, several)
         elif isinstance(entry, Number | Option):
-            written = _written(table[name], place) if name in table else None
+            written = None
+            if name in table:
+                written = _written(table[name], place)
             source = scene.sources.get(place, "default")
             unit = ""
             if isinstance(entry, Number):
@@ -215,7 +217,8 @@ def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     unusual: list[ImplausibleValue] = []
     roots: dict[str, Any] = {"": machine.compressor}
     for section in NAMED:
-        roots |= {f"{section}.{name}": part for name, part in getattr(machine, section).items()}
+        for name, part in getattr(machine, section).items():
+            roots[f"{section}.{name}"] = part
     crank = getattr(machine.parts.get("loads"), "crank", None)
     from_crank = crank is not None and machine.compressor is not None
     for root, tree in {**roots, **machine.parts}.items():
@@ -235,12 +238,16 @@ def _implausible_numbers(
         if usual is None or path not in rows:  # such as a bearing that a joint names
             continue
         sizes = np.abs(np.asarray(rows[path].value, float))
-        if np.any((sizes > 0) & ((sizes < usual[0]) | (sizes > usual[1]))):
+        lowest, highest = usual
+        if np.any((sizes > 0) & ((sizes < lowest) | (sizes > highest))):
             written = rows[path].given
             unit = field.metadata["unit"]
-            what = f"{rows[path].value} {unit}".rstrip() if written is None else f"{written}"
-            low, high = (shown(name, unit, end).text(end) for end in usual)
-            text = f"{low} to {high}" if usual[0] else f"up to {high}"
+            what = f"{written}"
+            if written is None:
+                what = f"{rows[path].value} {unit}".rstrip()
+            low = shown(name, unit, lowest).text(lowest)
+            high = shown(name, unit, highest).text(highest)
+            text = f"{low} to {high}" if lowest else f"up to {high}"
             yield ImplausibleValue(path, what, text)
 
 
@@ -279,7 +286,9 @@ def _ratios_of(part: Part) -> tuple[_Ratio, ...]:
         return _CYCLE + _FLOW
     if all(hasattr(part, name) for name in ("suction_pressure", "discharge_pressure")):
         return _CYCLE
-    return _VALVE if getattr(part, "oscillator", None) is not None else ()
+    if getattr(part, "oscillator", None) is not None:
+        return _VALVE
+    return ()
 
 
 def _written_in(ratio: str, path: str, rows: dict[str, DescribedValue]) -> str:
@@ -289,7 +298,9 @@ def _written_in(ratio: str, path: str, rows: dict[str, DescribedValue]) -> str:
         row = rows.get(join(path, word))
         if row is not None:
             values.append(f"{word} = {row.given}")
-    return f" ({', '.join(values)})" if values else ""
+    if not values:
+        return ""
+    return f" ({', '.join(values)})"
 
 
 # Joints that a machine may well be without, and sections of whole parts, in words.
@@ -310,21 +321,28 @@ def left_out(scene: Scene) -> tuple[str, ...]:
     if compressor is None:
         out.append("the crank drive [mechanism]")
     else:
-        described = [name for name in _WHOLE if getattr(compressor, name, None) is not None]
-        out += [f"{_WHOLE[name]} [{name}]" for name in ("gas", "friction") if name not in described]
-        if "friction" in described:
-            joints = _frictionless_joints(compressor.friction)
-            out += [f"friction of {joint} [friction.{key}]" for joint, key in joints]
-        if compressor.crankshaft.main_journal is None:
-            out.append("friction of the shaft [crankshaft.main_journal]")
-        if isinstance(compressor.motor, ConstantSpeed):
-            out.append("fluctuation of the speed [motor]")
-        if "gravity" not in described:
-            out.append(f"{_WHOLE['gravity']} (gravity)")
+        out += _left_out_of_crank_drive(compressor)
     for name in ("rotor", "suspension", "torsion"):
         if name not in scene.parts:
             out.append(f"{_WHOLE[name]} [{name}]")
     return tuple(out)
+
+
+def _left_out_of_crank_drive(compressor: Compressor) -> Iterator[str]:
+    """Parts of the crank drive and of its gas that a machine file does not describe, in words."""
+    described = [name for name in _WHOLE if getattr(compressor, name, None) is not None]
+    for name in ("gas", "friction"):
+        if name not in described:
+            yield f"{_WHOLE[name]} [{name}]"
+    if "friction" in described:
+        for joint, key in _frictionless_joints(compressor.friction):
+            yield f"friction of {joint} [friction.{key}]"
+    if compressor.crankshaft.main_journal is None:
+        yield "friction of the shaft [crankshaft.main_journal]"
+    if isinstance(compressor.motor, ConstantSpeed):
+        yield "fluctuation of the speed [motor]"
+    if "gravity" not in described:
+        yield f"{_WHOLE['gravity']} (gravity)"
 
 
 def _frictionless_joints(friction: Any) -> Iterator[tuple[str, str]]:
@@ -334,5 +352,7 @@ def _frictionless_joints(friction: Any) -> Iterator[tuple[str, str]]:
         joints.pop("wall", None)  # which has either
     for name, law in joints.items():
         if law is None and name not in _RARE:
-            joint = "piston" if name == "wall" else name.replace("_", " ")
+            joint = name.replace("_", " ")
+            if name == "wall":
+                joint = "piston"
             yield joint, name

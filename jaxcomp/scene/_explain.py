@@ -130,9 +130,12 @@ def part_places() -> Mapping[type[Part], Places]:
         titles_by_part.setdefault(part, {})[title] = kind
     places = {}
     for part, titles in titles_by_part.items():
-        paths = (title.strip("[]").removesuffix(".NAME") for title in titles)
-        words = frozenset(path.rpartition(".")[2] for path in paths)
-        places[part] = Places(next(iter(titles.values())), tuple(titles), words)
+        words = set()
+        for title in titles:
+            path = title.strip("[]").removesuffix(".NAME")
+            words.add(path.rpartition(".")[2])
+        kind = next(iter(titles.values()))
+        places[part] = Places(kind, tuple(titles), frozenset(words))
     return places
 
 
@@ -154,7 +157,7 @@ def _suggestion(word: str) -> str:
 
 def _explained(part: type[Part], where: Places) -> Explained:
     descriptions = meanings(part)
-    several = len({kind for title, kind, _ in every_place() if title == where.titles[0]}) > 1
+    several = len(_kinds_under(where.titles[0])) > 1
     table = _from_machines().get(part, {})
     listed = []
     columns = []  # lists that the section needs, which may come from a file
@@ -174,7 +177,8 @@ def _explained(part: type[Part], where: Places) -> Explained:
                 bound = str(entry.bound)
                 unit = entry.unit
                 if entry.required and entry.shape == (None,):
-                    columns.append(f"{name} [{unit}]" if unit else name)
+                    head = f"{name} [{unit}]" if unit else name
+                    columns.append(head)
             line = f"{name} = {value_text(_example(part, name, entry, table.get(name)))}"
         else:
             continue
@@ -204,6 +208,15 @@ def _explained(part: type[Part], where: Places) -> Explained:
     )
 
 
+def _kinds_under(heading: str) -> set[str]:
+    """The kinds of parts that may stand under a heading."""
+    kinds = set()
+    for title, kind, _ in every_place():
+        if title == heading:
+            kinds.add(kind)
+    return kinds
+
+
 def _order_in_section(entry: ExplainedEntry) -> tuple[bool, bool]:
     """Sort key: keys stand before sections, those that are needed before the others."""
     return entry.example.startswith("["), not entry.required
@@ -220,14 +233,17 @@ def _section_example(entry: Section, name: str, where: Places) -> str:
     """A section inside with what it needs, or the name of a bearing where one may stand."""
     parts = choices(entry.classes)
     if NamedBearing in parts.values():
-        return f'{name} = ["NAME"]' if entry.rows else f'{name} = "NAME"'
+        value = '["NAME"]' if entry.rows else '"NAME"'
+        return f"{name} = {value}"
     title = entry.title(join(where.titles[0].strip("[]"), name))
     # rather one that a machine has, of which the values are usual ones
     in_machines = [kind for kind, part in parts.items() if part in _from_machines()]
     kind = [*in_machines, *parts][0]
     inner = _explained(parts[kind], Places(kind, (title,), frozenset())).example
     lines = inner.splitlines()
-    return "\n".join(line for line in lines if entry.required or not line.startswith("#"))
+    if not entry.required:
+        lines = [line for line in lines if not line.startswith("#")]
+    return "\n".join(lines)
 
 
 @cache
@@ -254,7 +270,8 @@ def _collect(
                 _collect(row, inner, join(path, name), values_by_part)
         elif written is not None:
             value, unit, _ = unwrapped(written, name)
-            value = {"value": value, "unit": unit} if unit else value
+            if unit:
+                value = {"value": value, "unit": unit}
             if len(value_text(value)) <= _LONGEST:
                 values.setdefault(name, value)
 
@@ -264,7 +281,10 @@ def _example(part: type[Part], name: str, entry: Number | Option, machine_value:
     if machine_value is not None:
         return machine_value
     if isinstance(entry, Number):
-        shape = [2 if length in (None, ...) else length for length in entry.shape]
+        shape = []
+        for length in entry.shape:
+            any_length = length in (None, ...)
+            shape.append(2 if any_length else length)
         by_name = _BY_NAME.get(f"{kind_of(part)}.{name}") or _BY_NAME.get(name)
         for usual in (by_name, _default_of(part, name, entry), _BY_UNIT.get(entry.unit)):
             if usual is not None and _may_stand(entry, usual, name):

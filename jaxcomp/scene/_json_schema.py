@@ -35,10 +35,15 @@ def json_schema() -> dict[str, Any]:
     parts: dict[str, Any] = {}
     crank_drive = entries(Compressor)
     needed = _required_keys(Compressor)
-    other_sections = [name for name in top_sections() if name not in crank_drive]
+
     properties: dict[str, Any] = dict.fromkeys(HEADER, _TEXT)
     properties |= _properties(Compressor, parts)
-    properties |= {name: _entry(top_sections()[name], name, parts) for name in other_sections}
+    alternatives = []
+    for name, section in top_sections().items():
+        if name not in crank_drive:
+            properties[name] = _entry(section, name, parts)
+            alternatives.append({"required": [name]})
+    alternatives.append({"required": needed})
     for name, part in NAMED.items():
         row = _section((part,), parts, named=False)
         properties[name] = _object({"source": _TEXT}, additionalProperties=row)
@@ -46,14 +51,18 @@ def json_schema() -> dict[str, Any]:
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "A machine for jaxcomp",
         **_object(properties),
-        "anyOf": [{"required": [name]} for name in other_sections] + [{"required": needed}],
+        "anyOf": alternatives,
         "definitions": parts,
     }
 
 
 def _required_keys(part: type[Part]) -> list[str]:
     """Keys that a section needs."""
-    return [key for key, entry in entries(part).items() if getattr(entry, "required", False)]
+    keys = []
+    for key, entry in entries(part).items():
+        if entry.required:
+            keys.append(key)
+    return keys
 
 
 def _object(properties: Mapping[str, Any], **keywords: Any) -> dict[str, Any]:
@@ -82,7 +91,9 @@ def _properties(part: type[Part], parts: dict[str, Any]) -> dict[str, Any]:
 def _entry(entry: Entry, name: str, parts: dict[str, Any]) -> dict[str, Any]:
     if isinstance(entry, Section):
         section = _section(entry.classes, parts)
-        return {"type": "array", "items": section} if entry.rows else section
+        if entry.rows:
+            return {"type": "array", "items": section}
+        return section
     if isinstance(entry, Number):
         alone = _shaped(entry, _number(entry, name, unit_given=False))
         in_table = _shaped(entry, _number(entry, name, unit_given=True))
@@ -95,7 +106,9 @@ def _entry(entry: Entry, name: str, parts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _any(alternatives: list[Any]) -> dict[str, Any]:
-    return alternatives[0] if len(alternatives) == 1 else {"anyOf": alternatives}
+    if len(alternatives) == 1:
+        return alternatives[0]
+    return {"anyOf": alternatives}
 
 
 def _number(entry: Number, name: str, unit_given: bool) -> list[Any]:
@@ -105,9 +118,11 @@ def _number(entry: Number, name: str, unit_given: bool) -> list[Any]:
     if not entry.unit:
         number: dict[str, Any] = {"type": "number"}
         if np.isfinite(low):
-            number["exclusiveMinimum" if low_open else "minimum"] = low
+            lower_end = "exclusiveMinimum" if low_open else "minimum"
+            number[lower_end] = low
         if np.isfinite(high):
-            number["exclusiveMaximum" if high_open else "maximum"] = high
+            upper_end = "exclusiveMaximum" if high_open else "maximum"
+            number[upper_end] = high
         return [number, {"type": "string", "pattern": _PERCENT}]
     unsigned = NUMBER
     # -10 degC is a temperature above 0 K
@@ -117,7 +132,9 @@ def _number(entry: Number, name: str, unit_given: bool) -> list[Any]:
     if entry.unit == "Pa s":
         pattern += _GRADE
     text = {"type": "string", "pattern": pattern}
-    return [{"type": "number"}, text] if unit_given else [text]
+    if unit_given:
+        return [{"type": "number"}, text]
+    return [text]
 
 
 def _shaped(entry: Number, single: list[Any]) -> list[Any]:
@@ -131,9 +148,11 @@ def _shaped(entry: Number, single: list[Any]) -> list[Any]:
         rows = {"type": "array", "items": rows}
         if length is not None:
             rows |= {"minItems": length, "maxItems": length}
-    out = [rows] if shape else [*single]
-    if shape and entry.spread:
-        out.append(number)
+    out = [*single]
+    if shape:
+        out = [rows]
+        if entry.spread:
+            out.append(number)
     if entry.each:
         out.append({"type": "array", "items": number})
     return out
@@ -153,23 +172,29 @@ def _option(hint: Any) -> dict[str, Any]:
         }
     if inner:
         return {"anyOf": [_option(member) for member in inner]}
-    return {"const": "none"} if hint is type(None) else {"type": _SIMPLE[hint]}
+    if hint is type(None):
+        return {"const": "none"}
+    return {"type": _SIMPLE[hint]}
 
 
 def _section(classes: tuple[type, ...], parts: dict[str, Any], named: bool = True) -> Any:
     """A section of one of several kinds, or the name of a bearing where one may stand."""
     every_kind = choices(classes)
-    kinds = {kind: part for kind, part in every_kind.items() if named or part is not NamedBearing}
     several = len(every_kind) > 1
-    references: list[Any] = [_part(part, kind, several, parts) for kind, part in kinds.items()]
-    if NamedBearing in kinds.values():
+    references: list[Any] = []
+    for kind, part in every_kind.items():
+        if named or part is not NamedBearing:
+            references.append(_part(part, kind, several, parts))
+    if named and NamedBearing in every_kind.values():
         references.append(_TEXT)
     return {"oneOf": references}
 
 
 def _part(part: type[Part], kind: str, several: bool, parts: dict[str, Any]) -> dict[str, str]:
     """A reference to the definition of a class of parts, which is added where it is missing."""
-    name = part.__name__ if several else f"{part.__name__}.only"
+    name = part.__name__
+    if not several:
+        name += ".only"
     if name not in parts:
         parts[name] = {}  # a part may stand inside itself
         properties = {"type": {"const": kind}, "source": _TEXT, **_properties(part, parts)}

@@ -72,11 +72,11 @@ class Reader:
             self.problems.append(SceneError(path, f"must hold sections [{path}.NAME]", table))
             return {}
         source = _text(table.get("source", source), join(path, "source"))
-        return {
-            name: self.part(section, classes, join(path, name), source)
-            for name, section in table.items()
-            if name != "source"
-        }
+        parts = {}
+        for name, section in table.items():
+            if name != "source":
+                parts[name] = self.part(section, classes, join(path, name), source)
+        return parts
 
     def _part_or_name(self, entry: Any, classes, path: str, source) -> Part | None:
         """A part, or the name of a bearing where one may stand."""
@@ -95,7 +95,9 @@ class Reader:
         except SceneError as error:
             value = None
             self.problems.append(error)
-        return value if len(self.problems) == before else None
+        if len(self.problems) > before:
+            return None
+        return value
 
     def _part(self, table, classes, path, source, ignored) -> Part | None:
         if not isinstance(table, Mapping) or "value" in table:
@@ -104,31 +106,41 @@ class Reader:
         table = kind.written(table)
         source = _text(table.get("source", source), join(path, "source"))
         allowed = entries(kind)
-        for key in [key for key in table if key not in allowed]:
-            if join(path, key) in self.stale:
+        for key in list(table):
+            if key not in allowed and join(path, key) in self.stale:
                 del table[key]  # pyright: ignore[reportIndexIssue]
         before = len(self.problems)
-        meant = set()
-        for key, value in table.items():
-            if key not in allowed and key not in _META and key not in ignored:
-                few = len(self.problems) < MOST_HINTS
-                hint = ""
-                if few:
-                    hint = _hint(key, allowed, path)
-                    meant.add(nearest(key, allowed))
-                shown = value.get("value") if isinstance(value, Mapping) else value
-                self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", shown))
-        values = {
-            name: self._tried(self._entry, entry, table[name], join(path, name), source)
-            for name, entry in allowed.items()
-            if name in table
-        }
+        meant = self._report_unknown_keys(table, allowed, path, ignored)
+        values = {}
+        for name, entry in allowed.items():
+            if name in table:
+                entry_path = join(path, name)
+                values[name] = self._tried(self._entry, entry, table[name], entry_path, source)
         for name, entry in allowed.items():
             # a misspelt key is not reported a second time as a missing one
             if name not in table and entry.required and name not in meant:
                 problem = f"is missing; it must be {expected(entry)}"
                 self.problems.append(SceneError(join(path, name), problem))
-        return _built(kind, values, table, path) if len(self.problems) == before else None
+        if len(self.problems) > before:
+            return None
+        return _built(kind, values, table, path)
+
+    def _report_unknown_keys(
+        self, table: Mapping, allowed: Mapping[str, Entry], path: str, ignored: Container[str]
+    ) -> set[str | None]:
+        """Report keys that a section does not have, and return the known keys that they resemble."""
+        meant = set()
+        for key, value in table.items():
+            if key in allowed or key in _META or key in ignored:
+                continue
+            hint = ""
+            if len(self.problems) < MOST_HINTS:
+                hint = _hint(key, allowed, path)
+                meant.add(nearest(key, allowed))
+            if isinstance(value, Mapping):
+                value = value.get("value")
+            self.problems.append(SceneError(join(path, key), f"is an unknown key{hint}", value))
+        return meant
 
     def _entry(self, entry: Entry, written: Any, path: str, source: str | None) -> Any:
         if isinstance(entry, Section):
@@ -136,16 +148,17 @@ class Reader:
                 return self._part_or_name(written, entry.classes, path, source)
             if not isinstance(written, list):
                 raise SceneError(path, f"must be a row of sections [[{path}]]", written)
-            return tuple(
-                self._part_or_name(row, entry.classes, f"{path}.{i}", source)
-                for i, row in enumerate(written)
-            )
+            rows = []
+            for i, row in enumerate(written):
+                rows.append(self._part_or_name(row, entry.classes, f"{path}.{i}", source))
+            return tuple(rows)
         value, unit, own_source = unwrapped(written, path)
         self.sources[path] = own_source or source or ""
         if isinstance(entry, Number):
             si = to_si(value, entry.unit, path, unit)
             if not si.size and entry.shape[:1] == (None,):  # a table without rows has no columns
-                return si.reshape(0, *(n or 0 for n in entry.shape[1:]))
+                lengths = [length or 0 for length in entry.shape[1:]]
+                return si.reshape(0, *lengths)
             if (si.ndim or not entry.spread) and not (si.ndim == 1 and entry.each):
                 _check_shape(si, entry.shape, path, value)
             return si
@@ -159,9 +172,10 @@ class Reader:
 
 def _hint(key: str, allowed: Container[str], path: str) -> str:
     """Advice in place of an unknown key: a similar one, or its own section where few have it."""
-    places = [] if nearest(key, allowed) else holders(key)  # pyright: ignore[reportArgumentType]
-    if 0 < len(places) <= _FEW:
-        return f"; it belongs in {' or '.join(places)}"
+    if not nearest(key, allowed):  # pyright: ignore[reportArgumentType]
+        places = holders(key)
+        if 0 < len(places) <= _FEW:
+            return f"; it belongs in {' or '.join(places)}"
     return did_you_mean(key, allowed)  # pyright: ignore[reportArgumentType]
 
 
@@ -216,9 +230,13 @@ def _built(kind: type[Part], values: dict[str, Any], table: Mapping, path: str) 
             value = _written_at(table, error.field, error.value)
             raise SceneError(join(path, error.field), f"must be {error.bound}", value) from None
         # a rule across fields: show the values that it names
-        words = [name for name in values if name in error.bound and name in table]
-        shown = ", ".join(f"{name} = {_as_written(table[name], path)}" for name in words)
-        but = f", but has {shown}" if shown else ""
+        shown = []
+        for name in values:
+            if name in error.bound and name in table:
+                shown.append(f"{name} = {_as_written(table[name], path)}")
+        but = ""
+        if shown:
+            but = f", but has {', '.join(shown)}"
         raise SceneError(path or kind_of(kind), f"must be {error.bound}{but}") from None
     except ValueError as error:
         raise SceneError(path or kind_of(kind), " ".join(str(error).split())) from None
@@ -227,7 +245,9 @@ def _built(kind: type[Part], values: dict[str, Any], table: Mapping, path: str) 
 def _as_written(entry: Any, path: str) -> str:
     """Value of an entry as the file has it, without the middle of a list."""
     value = unwrapped(entry, path)[0]
-    return value if isinstance(value, str) else short_value(value)
+    if isinstance(value, str):
+        return value
+    return short_value(value)
 
 
 def _written_at(table: Any, path: str, value: Any) -> Any:
@@ -247,15 +267,20 @@ def _written_at(table: Any, path: str, value: Any) -> Any:
 def _check_shape(value: np.ndarray, shape: tuple[int | None, ...], path: str, written: Any) -> None:
     if shape == (...,):
         return
-    fits = len(value.shape) == len(shape) and all(
-        length in (None, actual) for length, actual in zip(shape, value.shape, strict=True)
-    )
-    if not fits:
+    if not _fits(value.shape, shape):
         bound = "a single value"
         if shape:
-            lengths = " x ".join("n" if length is None else str(length) for length in shape)
-            bound = f"a list of {lengths} values"
+            lengths = ["n" if length is None else str(length) for length in shape]
+            bound = f"a list of {' x '.join(lengths)} values"
         raise SceneError(path, f"must be {bound}", written)
+
+
+def _fits(actual_shape: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    """Whether an array has a declared shape, in which `None` is any length."""
+    if len(actual_shape) != len(shape):
+        return False
+    pairs = zip(shape, actual_shape, strict=True)
+    return all(length in (None, actual) for length, actual in pairs)
 
 
 def _text(value: Any, path: str) -> str | None:

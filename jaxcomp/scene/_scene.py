@@ -221,7 +221,10 @@ def scene_of(
         SceneError: as `load`.
     """
     with reading(file):
-        document = with_tables(document, Path(file).parent if with_csv else None)
+        folder = None
+        if with_csv:
+            folder = Path(file).parent
+        document = with_tables(document, folder)
         check_tables(document)
         if not document:
             raise SceneError("", "is empty; `jaxcomp new FILE` writes a machine to start from")
@@ -254,23 +257,35 @@ def with_springs_counted(scene: Scene) -> Scene:
     return scene
 
 
+def _check_header(document: Mapping[str, Any], reader: Reader) -> None:
+    """Report entries of the header that are no texts."""
+    for key in HEADER:
+        if not isinstance(document.get(key, ""), str):
+            reader.problems.append(SceneError(key, "must be a text", document[key]))
+
+
+def _advice_on(key: str, document: Mapping[str, Any], sections: Iterable[str]) -> str:
+    """Advice in place of an unknown key at the top: where it stands in a section, or a similar one."""
+    places = " or ".join(f'"{place}"' for place in places_of(document, key))
+    if not places:
+        return did_you_mean(key, sections)
+    return f"; did you mean {places}?"
+
+
 def _machine(
     document: dict[str, Any], reader: Reader, corrections: Mapping[str, Array]
 ) -> tuple[Machine, dict[str, str]]:
     """The parts of all sections, and where their values come from."""
     crank_drive = entries(Compressor).keys()
     sections = {*crank_drive, *HEADER, *SECTIONS, *NAMED}
-    for key in HEADER:
-        if not isinstance(document.get(key, ""), str):
-            reader.problems.append(SceneError(key, "must be a text", document[key]))
+    _check_header(document, reader)
     unknown = [key for key in document if key not in sections]
     for key in unknown:
-        what = "section" if is_section(document[key]) else "key"
-        near = ""
+        advice = ""
         if len(reader.problems) < MOST_HINTS:
-            places = " or ".join(f'"{place}"' for place in places_of(document, key))
-            near = f"; did you mean {places}?" if places else did_you_mean(key, sections)
-        reader.problems.append(SceneError(key, f"is an unknown {what}{near}"))
+            advice = _advice_on(key, document, sections)
+        what = "section" if is_section(document[key]) else "key"
+        reader.problems.append(SceneError(key, f"is an unknown {what}{advice}"))
     source = document.get("source")
     compressor = None
     parts = {}
@@ -281,10 +296,9 @@ def _machine(
     for name, part in SECTIONS.items():
         if name in document:
             parts[name] = reader.part(document[name], (imported(part),), name, source)
-    named = {
-        name: reader.named(document.get(name, {}), (part,), name, source)
-        for name, part in NAMED.items()
-    }
+    named = {}
+    for name, part in NAMED.items():
+        named[name] = reader.named(document.get(name, {}), (part,), name, source)
     if reader.problems:
         first, *further = reader.problems
         raise SceneError(first.key, first.problem, first.value, others=further)

@@ -99,10 +99,13 @@ def imported(part: type[Part] | str) -> type[Part]:
 
 def top_sections() -> dict[str, Section]:
     """The sections of a file, in order, but for those with names of their own (`NAMED`)."""
-    sections = {
-        name: entry for name, entry in entries(Compressor).items() if isinstance(entry, Section)
-    }
-    return sections | {name: Section((imported(part),), False) for name, part in SECTIONS.items()}
+    sections = {}
+    for name, entry in entries(Compressor).items():
+        if isinstance(entry, Section):
+            sections[name] = entry
+    for name, part in SECTIONS.items():
+        sections[name] = Section((imported(part),), False)
+    return sections
 
 
 def given_sections(document: Mapping[str, Any]) -> Iterator[tuple[str, Section, Any]]:
@@ -119,8 +122,10 @@ def given_sections(document: Mapping[str, Any]) -> Iterator[tuple[str, Section, 
 @cache
 def every_place() -> tuple[tuple[str, str, type[Part]], ...]:
     """Heading, kind and class of all that may stand anywhere in a file."""
-    named = {f"{name}.NAME": Section((part,), False) for name, part in NAMED.items()}
-    return tuple(_places_in(top_sections() | named, "", ()))
+    sections = top_sections()
+    for name, part in NAMED.items():
+        sections[f"{name}.NAME"] = Section((part,), False)
+    return tuple(_places_in(sections, "", ()))
 
 
 def _places_in(section_entries: Mapping[str, Entry], above: str, inside: tuple[type, ...]):
@@ -138,8 +143,11 @@ def _places_in(section_entries: Mapping[str, Entry], above: str, inside: tuple[t
 
 def holders(key: str) -> tuple[str, ...]:
     """Headings of the sections that may have an entry, without those inside others of them."""
-    titles = (title for title, _, part in every_place() if key in entries(part))
-    return tuple(dict.fromkeys(titles))
+    titles = []
+    for title, _, part in every_place():
+        if key in entries(part) and title not in titles:
+            titles.append(title)
+    return tuple(titles)
 
 
 @cache
@@ -147,8 +155,11 @@ def entries(part: type[Part]) -> dict[str, Entry]:
     """Entries of a section that describes a part of this class, by key."""
     hints = typing.get_type_hints(part)
     each = part.for_each_cylinder
-    written = [f for f in dataclasses.fields(part) if f.init and not f.metadata.get("derived")]
-    return {f.name: _entry(f, hints[f.name], each) for f in written}
+    by_key = {}
+    for field in dataclasses.fields(part):
+        if field.init and not field.metadata.get("derived"):
+            by_key[field.name] = _entry(field, hints[field.name], each)
+    return by_key
 
 
 @cache
@@ -163,10 +174,10 @@ def meanings(part: type[Part]) -> dict[str, str]:
         # without unit and shape, which the declaration has
         plain = re.sub(r"^\[[^]]*\](?: \([^)]*\))?,? ?", "", words)
         arguments[name] = " ".join(plain.split()).rstrip(".")
-    return {
-        name: getattr(entry, "doc", "") or arguments.get(name, "")
-        for name, entry in entries(part).items()
-    }
+    descriptions = {}
+    for name, entry in entries(part).items():
+        descriptions[name] = getattr(entry, "doc", "") or arguments.get(name, "")
+    return descriptions
 
 
 def kind_of(part: type) -> str:
@@ -191,8 +202,10 @@ def choices(classes: tuple[type, ...]) -> dict[str, type[Part]]:
     import_extensions()
     by_kind: dict[str, type[Part]] = {}
     for base in classes:
-        for part in _descendants(Part if _is_protocol(base) else base):
-            if _is_protocol(base) and not issubclass(part, base):
+        is_protocol = _is_protocol(base)
+        root = Part if is_protocol else base
+        for part in _descendants(root):
+            if is_protocol and not issubclass(part, base):
                 continue
             if _in_files(part):
                 _check_kind(part, by_kind.get(kind_of(part), part))
@@ -206,9 +219,8 @@ def _in_files(part: type[Part]) -> bool:
         return False
     if not getattr(part, "in_files", True):  # some laws only the solvers make
         return False
-    return not any(
-        isinstance(entry, Unreadable) and entry.required for entry in entries(part).values()
-    )
+    needed = [entry for entry in entries(part).values() if entry.required]
+    return not any(isinstance(entry, Unreadable) for entry in needed)
 
 
 def _check_kind(part: type[Part], other: type[Part]) -> None:
@@ -252,24 +264,40 @@ def _near_word(members: tuple[Any, ...], value: Any) -> str:
     """The word of some hints that a wrong one is near to, as the end of a message."""
     words = []
     for member in members:
-        words += [word for word in typing.get_args(member) if isinstance(word, str)]
-    near = did_you_mean(value, words) if isinstance(value, str) and words else ""
-    return near if "did you mean" in near else ""  # all that is known stands in front of it
+        for word in typing.get_args(member):
+            if isinstance(word, str):
+                words.append(word)
+    if not words or not isinstance(value, str):
+        return ""
+    near = did_you_mean(value, words)
+    if "did you mean" not in near:  # all that is known stands in front of it
+        return ""
+    return near
 
 
 def expected(entry: Entry) -> str:
     """Expectation of an entry, with unit and bound, as the end of a sentence."""
     if isinstance(entry, Number):
-        unit = f"[{entry.unit}]" if entry.unit else "pure"
-        bound = "" if str(entry.bound) == "finite" else f" {entry.bound}"
-        doc = f", {entry.doc}" if entry.doc else ""
-        kind = "a list of numbers" if entry.shape else "a number"
-        if entry.spread:
-            kind = "a number or a list of numbers"
-        return f"{kind}{bound} {unit}{doc}"
+        return _expected_number(entry)
     if isinstance(entry, Section) and not entry.rows:
         return f"a section of type {' or '.join(sorted(choices(entry.classes)))}"
-    return _described(entry.hint) if isinstance(entry, Option) else "given"
+    if isinstance(entry, Option):
+        return _described(entry.hint)
+    return "given"
+
+
+def _expected_number(entry: Number) -> str:
+    kind = "a number"
+    if entry.spread:
+        kind = "a number or a list of numbers"
+    elif entry.shape:
+        kind = "a list of numbers"
+    bound = f" {entry.bound}"
+    if bound == " finite":  # as every number is
+        bound = ""
+    unit = f"[{entry.unit}]" if entry.unit else "pure"
+    doc = f", {entry.doc}" if entry.doc else ""
+    return f"{kind}{bound} {unit}{doc}"
 
 
 def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
@@ -294,7 +322,9 @@ def _entry(field: dataclasses.Field, hint: Any, each: bool) -> Entry:
         members = _members(inner[0])
         if len(inner) == 2 and inner[1] is Ellipsis and all(map(_is_part, members)):
             return Section(members, required, rows=True)
-    return Option(hint, required) if _is_option(hint) else Unreadable(required)
+    if _is_option(hint):
+        return Option(hint, required)
+    return Unreadable(required)
 
 
 def _descendants(base: type):

@@ -47,7 +47,10 @@ def bare_name(name: str) -> str:
 def known_name(name: str, names: Iterable[str]) -> str | None:
     """The one of some names that is meant, `None` if none is."""
     bare = bare_name(name)
-    return next((word for word in names if bare_name(word) == bare), None)
+    for word in names:
+        if bare_name(word) == bare:
+            return word
+    return None
 
 
 def settings_of(
@@ -96,8 +99,10 @@ def _refuse_missing_sign(line: SettingLine, names: Iterable[str]) -> None:
         SceneError: it is.
     """
     match = _WITHOUT_SIGN.fullmatch(line.key[:_LONGEST])
-    name = None if match is None else known_name(match[1], names)
-    if match is not None and name is not None and name not in WORDS:
+    if match is None:
+        return
+    name = known_name(match[1], names)
+    if name is not None and name not in WORDS:
         problem = f'lacks its "="; write "# {name} = {match[2]}"'
         raise SceneError(f"line {line.number}.{name}", problem)
 

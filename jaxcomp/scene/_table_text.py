@@ -89,11 +89,14 @@ def read_table_text(path: str | os.PathLike) -> TableText:
     with reading(os.fspath(path)):
         name, _, sheet = os.fspath(path).partition("#")
         is_workbook = name.lower().endswith(SUFFIXES)
-        with open(regular(name if is_workbook else path), "rb") as file:
+        file_path = name if is_workbook else path
+        with open(regular(file_path), "rb") as file:
             content = file.read(LARGEST + 1)
         if len(content) > LARGEST:
             raise SceneError("", f"is larger than {LARGEST / 1e6:.0f} MB")
-        return table_text(sheet_text(content, sheet) if is_workbook else decoded(content))
+        if is_workbook:
+            return table_text(sheet_text(content, sheet))
+        return table_text(decoded(content))
 
 
 def decoded(content: bytes) -> str:
@@ -133,8 +136,7 @@ def table_text(text: str) -> TableText:
     if not lines:
         return TableText(tuple(settings))
     if separator is None:
-        first = lines[0][1]
-        separator = next((sign for sign in _SEPARATORS if sign in first), ",")
+        separator = _separator_in(lines[0][1])
     head, *rows = _rows(lines, separator)
     heads = [head_of(cell) or Head(cell.strip(), "") for cell in head.cells]
     rows = _fitted(heads, rows)
@@ -144,9 +146,19 @@ def table_text(text: str) -> TableText:
     return TableText(tuple(settings), tuple(heads), tuple(rows))
 
 
+def _separator_in(line: str) -> str:
+    """The sign between the cells of a line of heads."""
+    for sign in _SEPARATORS:
+        if sign in line:
+            return sign
+    return ","
+
+
 def head_of(text: str) -> Head | None:
     """Name and unit of a column, as of `power [kW]`; `None` for anything else."""
-    match = _HEAD.fullmatch(text) if len(text) <= _LONGEST_HEAD else None
+    if len(text) > _LONGEST_HEAD:
+        return None
+    match = _HEAD.fullmatch(text)
     if match is None:
         return None
     unit = match[2] or match[3] or match[4] or ""
@@ -244,13 +256,19 @@ def _with_decimal_points(rows: list[Row]) -> list[Row]:
         other = f'"{with_point[1].strip()}" in line {with_point[0]}'
         problem = f"has a decimal comma, and {other} a decimal point; a file has one of the two"
         raise SceneError(f"line {number}", problem, cell.strip())
-    return [Row(row.number, list(map(_with_point, row.cells))) for row in rows]
+    with_points = []
+    for row in rows:
+        cells = [_with_point(cell) for cell in row.cells]
+        with_points.append(Row(row.number, cells))
+    return with_points
 
 
 def _with_point(cell: str) -> str:
     """A number with a decimal point for its comma; any other text as it stands."""
     match = _DECIMAL_COMMA.fullmatch(cell)
-    return cell if match is None else f"{match[1]}.{match[2]}"
+    if match is None:
+        return cell
+    return f"{match[1]}.{match[2]}"
 
 
 def _first_cell(rows: Sequence[Row], pattern: re.Pattern) -> tuple[int, str] | None:
@@ -270,14 +288,17 @@ def _with_line_of_units(heads: list[Head], rows: list[Row]) -> tuple[list[Head],
     if any(cell.startswith("#") or _is_number(cell) for cell in cells):
         return heads, rows
     # a line of words alone would be one of readings, were it not that all of these have a number
-    units = map(_unit_of, cells)
-    with_units = [Head(head.name, unit) for head, unit in zip(heads, units, strict=True)]
+    with_units = []
+    for head, cell in zip(heads, cells, strict=True):
+        with_units.append(Head(head.name, _unit_of(cell)))
     return with_units, rows[1:]
 
 
 def _unit_of(cell: str) -> str:
+    unit = cell
     match = _BRACKETS.fullmatch(cell)
-    unit = cell if match is None else match[1].strip()
+    if match is not None:
+        unit = match[1].strip()
     return "" if unit == "-" else unit
 
 

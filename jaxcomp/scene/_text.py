@@ -55,7 +55,9 @@ class SceneError(ValueError):
         self.others = tuple(others)
         key = cut(key, 200)
         problem = cut(problem, _LONGEST_PROBLEM)
-        entry = key if value is None else f"{key} = {short_value(value)}"
+        entry = key
+        if value is not None:
+            entry = f"{key} = {short_value(value)}"
         super().__init__(visible(": ".join(filter(None, (file, entry, problem)))))
 
     def in_file(self, file: str) -> "SceneError":
@@ -81,12 +83,20 @@ def reading(file: str) -> Iterator[None]:
 
 def cut(text: str, length: int) -> str:
     """A text of at most so many characters, with dots for what is left out."""
-    return text if len(text) <= length else f"{text[: length - 3]}..."
+    if len(text) <= length:
+        return text
+    return f"{text[: length - 3]}..."
 
 
 def visible(text: str) -> str:
     """A text with escape sequences spelt out, so that they do nothing to a terminal."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+    signs = []
+    for sign in text:
+        if sign.isprintable():
+            signs.append(sign)
+        else:
+            signs.append(repr(sign)[1:-1])
+    return "".join(signs)
 
 
 def short_value(value: Any) -> str:
@@ -117,8 +127,9 @@ def toml_tables(data: bytes | str, file: str = "") -> dict[str, Any]:
     with reading(file):
         if len(data) > LARGEST:
             raise SceneError("", f"is larger than {LARGEST / 1e6:.0f} MB")
-        text = data if isinstance(data, str) else data.decode("utf-8")
-        text = text.removeprefix("\ufeff")
+        if not isinstance(data, str):
+            data = data.decode("utf-8")
+        text = data.removeprefix("\ufeff")
         try:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
@@ -147,9 +158,11 @@ def check_tables(tables: dict[str, Any]) -> None:
         elif isinstance(value, dict):
             for key, entry in value.items():
                 _check_text(path, key)
-                waiting.append((f"{path}.{key}" if path else key, depth + 1, entry))
+                inner_path = f"{path}.{key}" if path else key
+                waiting.append((inner_path, depth + 1, entry))
         elif isinstance(value, list):
-            waiting += [(f"{path}.{i}", depth + 1, entry) for i, entry in enumerate(value)]
+            for i, entry in enumerate(value):
+                waiting.append((f"{path}.{i}", depth + 1, entry))
 
 
 def _check_text(path: str, text: str) -> None:
@@ -162,7 +175,9 @@ def _check_text(path: str, text: str) -> None:
 def _explained(text: str, error: tomllib.TOMLDecodeError) -> SceneError:
     """Explanation of a fault in the line at which reading ended, with its key and what to write."""
     place = _LINE.search(str(error))
-    count = int(place[1]) if place else 0
+    count = 0
+    if place:
+        count = int(place[1])
     lines = [line[:_LONGEST] for line in text.split("\n")[:count]]
     path, value, title = _key(lines, len(lines) - 1)
     if path:
@@ -238,8 +253,11 @@ def toml_text_like(text: str, document: Mapping[str, Any]) -> str:
 
 def bundled(*folders: str) -> dict[str, Any]:
     """The TOML files in a folder of the package, by name."""
-    files = resources.files("jaxcomp").joinpath(*folders).iterdir()
-    return dict(sorted((f.name[:-5], f) for f in files if f.name.endswith(".toml")))
+    files = {}
+    for file in resources.files("jaxcomp").joinpath(*folders).iterdir():
+        if file.name.endswith(".toml"):
+            files[file.name[:-5]] = file
+    return dict(sorted(files.items()))
 
 
 def is_section(value: Any) -> bool:
@@ -270,8 +288,9 @@ def _section(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
 
 def _update(tables: Any, document: Mapping[str, Any]) -> None:
     """Make tables of tomlkit hold what a document holds, and touch nothing that agrees."""
-    for key in [key for key in tables if key not in document]:
-        tables.remove(key)
+    for key in list(tables):
+        if key not in document:
+            tables.remove(key)
     olds = tables.unwrap()
     for key, value in document.items():
         old = olds.get(key)
@@ -294,7 +313,9 @@ def _item(key: str, value: Any) -> Any:
 
 def key_text(key: str) -> str:
     """A key, in quotes where it needs them."""
-    return key if _BARE.fullmatch(key) else _string(key)
+    if _BARE.fullmatch(key):
+        return key
+    return _string(key)
 
 
 def value_text(value: Any) -> str:
@@ -308,7 +329,10 @@ def value_text(value: Any) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(map(value_text, value)) + "]"
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key_text(k)} = {value_text(v)}" for k, v in value.items()) + " }"
+        pairs = []
+        for key, entry in value.items():
+            pairs.append(f"{key_text(key)} = {value_text(entry)}")
+        return "{ " + ", ".join(pairs) + " }"
     return str(value)  # dates and times
 
 

@@ -83,20 +83,22 @@ def to_si(
         SceneError: no number, another dimension, a missing unit, or a value that is not finite.
     """
     if isinstance(written, list):
-        parts = [
-            to_si(part, unit, f"{key}.{i}", default_unit, difference)
-            for i, part in enumerate(written)
-        ]
+        parts = []
+        for i, part in enumerate(written):
+            parts.append(to_si(part, unit, f"{key}.{i}", default_unit, difference))
         if len({part.shape for part in parts}) > 1:
             raise SceneError(key, "has rows of different length", written)
-        return np.array(parts, dtype=float).reshape(len(parts), *(parts[0].shape if parts else ()))
+        inner_shape = parts[0].shape if parts else ()
+        return np.array(parts, dtype=float).reshape(len(parts), *inner_shape)
     level = not difference and is_temperature(key.partition("=")[0], unit)  # of an option
     return np.asarray(_single(written, unit, key, default_unit, level))
 
 
 def _quantity(written: Any) -> re.Match | None:
     """Number and unit of a text; `None` for anything else."""
-    return _QUANTITY.fullmatch(written) if isinstance(written, str) else None
+    if not isinstance(written, str):
+        return None
+    return _QUANTITY.fullmatch(written)
 
 
 def _single(written: Any, unit: str, key: str, default_unit: str | None, level: bool) -> float:
@@ -108,18 +110,12 @@ def _single(written: Any, unit: str, key: str, default_unit: str | None, level: 
             raise SceneError(key, "must be finite", written)
         if unit == "Pa s" and (grade := _GRADE.fullmatch(written[:_LONGEST_TEXT])):
             return _oil_viscosity(grade, key, written)
-        match = _QUANTITY.fullmatch(written) if len(written) <= _LONGEST_TEXT else None
-        # behind a number stands no second point, as in 1.2.3 mm
-        if not match or written[match.end(1) :].startswith("."):
-            raise SceneError(key, f"is no number; it must be {expected}", written)
-        if comma := _DECIMAL_COMMA.fullmatch(written):
-            point = f"{comma[1]}.{comma[2]}"
-            raise SceneError(key, f'has a decimal comma; write "{point}"', written)
-        number = float(match[1])
-        given_unit = match[2]
+        number, given_unit = _number_and_unit(written, key, expected)
     else:
         # a whole number has as many digits as the file gives it
-        number = float(written) if abs(written) < 1e308 else math.inf
+        number = math.inf
+        if abs(written) < 1e308:
+            number = float(written)
         given_unit = ""
     if not math.isfinite(number):
         raise SceneError(key, "must be finite", written)
@@ -131,6 +127,24 @@ def _single(written: Any, unit: str, key: str, default_unit: str | None, level: 
     if not math.isfinite(value):
         raise SceneError(key, "must be finite", written)
     return value
+
+
+def _number_and_unit(text: str, key: str, expected: str) -> tuple[float, str]:
+    """Number and unit of a text, of which each must be written as machine files have them.
+
+    Raises:
+        SceneError: no number, or one with a decimal comma.
+    """
+    match = None
+    if len(text) <= _LONGEST_TEXT:
+        match = _QUANTITY.fullmatch(text)
+    # behind a number stands no second point, as in 1.2.3 mm
+    if not match or text[match.end(1) :].startswith("."):
+        raise SceneError(key, f"is no number; it must be {expected}", text)
+    if comma := _DECIMAL_COMMA.fullmatch(text):
+        point = f"{comma[1]}.{comma[2]}"
+        raise SceneError(key, f'has a decimal comma; write "{point}"', text)
+    return float(match[1]), match[2]
 
 
 def scale(
@@ -147,7 +161,9 @@ def scale(
     Raises:
         SceneError: as `factor`, and a unit of temperatures for a difference of them.
     """
-    degrees = _LEVELS.get(given_unit.lower()) if unit == "K" else None
+    degrees = None
+    if unit == "K":
+        degrees = _LEVELS.get(given_unit.lower())
     if degrees and not level:
         match = _quantity(written)
         advice = "its unit is K or delta_degF"
@@ -247,7 +263,10 @@ def as_text(value: Any, unit: str, written: Any = None) -> Any:
     if np.ndim(value):
         if not isinstance(written, list) or len(written) != len(value):
             written = [None] * len(value)
-        return [as_text(item, unit, old) for item, old in zip(value, written, strict=True)]
+        texts = []
+        for item, written_item in zip(value, written, strict=True):
+            texts.append(as_text(item, unit, written_item))
+        return texts
     if not unit:
         return float(value)
     match = _quantity(written)
@@ -307,7 +326,9 @@ def _parsed(unit: str) -> pint.Unit | None:
     except Exception:  # the parser of units fails in many ways on text that is none
         return None
     # a scale with an offset (degC) has no factor
-    return parsed if _registry().Quantity(0.0, parsed).to_root_units().magnitude == 0 else None
+    if _registry().Quantity(0.0, parsed).to_root_units().magnitude != 0:
+        return None
+    return parsed
 
 
 def _angle(unit: pint.Unit) -> bool:

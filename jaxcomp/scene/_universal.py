@@ -38,12 +38,11 @@ _FUNCTION_NAMES = {
     0: "of unknown kind", 1: "time signals", 2: "auto spectra", 3: "cross spectra",
     6: "coherences", 9: "power spectra", 10: "energy spectra", 12: "spectra",
 }  # fmt: skip
-# Kinds of data (data set 58): motions by how often they are differentiated, forces, and those that say
-# nothing. Peaks of a response are modes where motion is over force; over motion, or of force, they are
-# none of the whole machine.
+# Kinds of data (data set 58): motions by how often they are differentiated, and forces; all others say
+# nothing of the motion. Peaks of a response are modes where motion is over force; over motion, or of
+# force, they are none of the whole machine.
 _MOTIONS = {8: 0, 11: 1, 12: 2}
 _FORCES = (9, 13)
-_UNSTATED = (0, 1)
 # [Hz] Of abscissae by their label, where that is no blank.
 _HERTZ = {"hz": 1.0, "1/s": 1.0, "cps": 1.0, "khz": 1e3, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60,
           "1/min": 1 / 60, "cpm": 1 / 60}  # fmt: skip
@@ -107,7 +106,9 @@ def _data_sets(path) -> tuple[list[DataSet], set[int]]:
             file = pyuff.UFF(str(path))
             types = np.asarray(file.get_set_types(), int)
             places = np.flatnonzero(np.isin(types, (_SHAPES, _FUNCTIONS))).tolist()
-            sets = file.read_sets(places) if places else []
+            sets = []
+            if places:
+                sets = file.read_sets(places)
     except Exception as error:  # pyuff has no class of its own for what it cannot read
         raise SceneError("", f"cannot be read as a universal file ({error})") from None
     if not isinstance(sets, list):  # pyuff gives a single one as it is
@@ -122,11 +123,14 @@ def _beside_modes(sets: Sequence[DataSet], functions: int, name: str) -> list[st
     notes = []
     if functions:
         notes.append(f"{name}: {functions} functions (data set 58) beside modes are not read")
-    shapes = [data for data in sets if data["type"] == _SHAPES and not _is_mode(data)]
-    kinds = sorted({int(data["analysis_type"]) for data in shapes})
-    if shapes:
-        listed = ", ".join(map(str, kinds))
-        notes.append(f"{name}: {len(shapes)} shapes of analysis type {listed} are not read")
+    analysis_types = []
+    for data in sets:
+        if data["type"] == _SHAPES and not _is_mode(data):
+            analysis_types.append(int(data["analysis_type"]))
+    if analysis_types:
+        listed = ", ".join(map(str, sorted(set(analysis_types))))
+        count = len(analysis_types)
+        notes.append(f"{name}: {count} shapes of analysis type {listed} are not read")
     return notes
 
 
@@ -138,19 +142,27 @@ def _check_complete(data: DataSet, number: int) -> None:
     """
     where = f"data set {number}"
     if data["type"] == _SHAPES:
-        values = [data[f"r{k}"] for k in _AXES if f"r{k}" in data]
-        wrong = any(np.size(column) != np.size(data["node_nums"]) for column in values)
-        if wrong or not np.size(data["node_nums"]):
+        values = []
+        for k in _AXES:
+            if f"r{k}" in data:
+                values.append(data[f"r{k}"])
+        count = np.size(data["node_nums"])
+        if not count or not _have_size(values, count):
             raise SceneError(where, "must have three or six values for each of its nodes")
     else:
         values = [data["x"], data["data"]]
         count = data["num_pts"]
-        if any(np.size(column) != count for column in values):
+        if not _have_size(values, count):
             raise SceneError(
                 where, f"must have {count} points, as its head says", np.size(values[1])
             )
-    if not all(np.isfinite(column).all() for column in values):
-        raise SceneError(where, "has numbers that are not finite")
+    for column in values:
+        if not np.isfinite(column).all():
+            raise SceneError(where, "has numbers that are not finite")
+
+
+def _have_size(columns: Sequence[NDArray], size: int) -> bool:
+    return all(np.size(column) == size for column in columns)
 
 
 def _is_mode(data: DataSet) -> bool:
@@ -173,14 +185,19 @@ def _refuse_several_runs(modes: Sequence[DataSet]) -> None:
     Raises:
         SceneError: a number is there twice.
     """
-    numbers = [int(mode.get("mode_n", 0)) for mode in modes]
-    cases = {int(mode.get("load_case", 0)) for mode in modes}
+    numbers = []
+    cases = set()
+    for mode in modes:
+        numbers.append(int(mode.get("mode_n", 0)))
+        cases.add(int(mode.get("load_case", 0)))
     if len(set(numbers)) == 1 and len(cases) == 1:
         return
     number, count = Counter(numbers).most_common(1)[0]
     if count > 1:
-        pairs = zip(numbers, modes, strict=True)
-        hertz = [f"{_hertz(mode):.6g}" for mode_number, mode in pairs if mode_number == number]
+        hertz = []
+        for mode_number, mode in zip(numbers, modes, strict=True):
+            if mode_number == number:
+                hertz.append(f"{_hertz(mode):.6g}")
         problem = (
             f"has mode {number} {count} times, at {', '.join(hertz)} Hz: it holds several runs;"
         )
@@ -223,39 +240,50 @@ def _real_shapes(shapes: NDArray) -> NDArray:
 def _test(name: str, hertz: NDArray, pairs, shape: NDArray, skipped: Sequence[str] = ()):
     if not (hertz > 0).all():
         raise SceneError("frequency", "must be above 0", float(hertz.min()))
-    nodes, axes = zip(*pairs, strict=True) if pairs else ((), ())
+    nodes = []
+    axes = []
+    for node, axis in pairs:
+        nodes.append(node)
+        axes.append(axis)
     return ModalTest(
         source=name,
         frequency=2 * np.pi * hertz,
         modes=tuple(range(1, hertz.size + 1)),
         free=True,
-        nodes=nodes,
-        axes=axes,
+        nodes=tuple(nodes),
+        axes=tuple(axes),
         shape=shape,
         skipped=tuple(skipped),
     )
 
 
 def _test_of_responses(functions: Sequence[DataSet], name: str) -> ModalTest:
-    responses = [data for data in functions if data["func_type"] == _RESPONSE]
-    other_kinds = Counter(
-        int(data["func_type"]) for data in functions if data["func_type"] != _RESPONSE
-    )
+    responses = []
+    other_kinds = Counter()
+    for data in functions:
+        if data["func_type"] == _RESPONSE:
+            responses.append(data)
+        else:
+            other_kinds[int(data["func_type"])] += 1
     if not responses:
         listed = ", ".join(map(str, sorted(other_kinds)))
         raise SceneError("", f"has functions of type {listed}, where 4, a response, is read alone")
     places = _roving_places(responses)
     hertz = _common_frequencies(responses)
-    # against the axis counts as negative along it
-    signs = np.array([np.sign(direction) for _, direction in places])
-    values = np.stack([np.asarray(data["data"], complex) for data in responses]) * signs[:, None]
+    signs = []
+    pairs = []
+    for node, direction in places:
+        # against the axis counts as negative along it
+        signs.append(np.sign(direction))
+        pairs.append((node, _AXES[abs(direction)]))
+    values = np.stack([np.asarray(data["data"], complex) for data in responses])
+    values = values * np.array(signs)[:, None]
     values = values / (2j * np.pi * hertz) ** _differentiations(responses)[:, None]
     frequencies, shapes = modes_of_responses(hertz, values)
-    pairs = [(node, _AXES[abs(direction)]) for node, direction in places]
-    skipped = [
-        f"{name}: {count} {_FUNCTION_NAMES.get(kind, 'functions')} (type {kind}) are not read"
-        for kind, count in sorted(other_kinds.items())
-    ]
+    skipped = []
+    for kind, count in sorted(other_kinds.items()):
+        kind_name = _FUNCTION_NAMES.get(kind, "functions")
+        skipped.append(f"{name}: {count} {kind_name} (type {kind}) are not read")
     return _test(name, frequencies, pairs, shapes, skipped)
 
 
@@ -267,7 +295,7 @@ def _differentiations(responses: Sequence[DataSet]) -> NDArray:
     Raises:
         SceneError: a response that is not of motion over force.
     """
-    orders = []
+    stated = []
     for data in responses:
         over = int(data.get("ordinate_spec_data_type", 0))
         under = int(data.get("orddenom_spec_data_type", 0))
@@ -278,11 +306,11 @@ def _differentiations(responses: Sequence[DataSet]) -> NDArray:
                 f"has a response {kinds}; modes are those of motion (8, 11, 12) over force (13)"
             )
             raise SceneError("", problem)
-        orders.append(None if over in _UNSTATED else _MOTIONS.get(over))
-    stated = [order for order in orders if order is not None]
+        if over in _MOTIONS:
+            stated.append(_MOTIONS[over])
     if len(set(stated)) < 2:
         return np.zeros(len(responses))
-    if len(stated) < len(orders):
+    if len(stated) < len(responses):
         raise SceneError(
             "", "has responses of several kinds of motion, and such that do not say theirs"
         )
@@ -295,17 +323,22 @@ def _roving_places(responses: Sequence[DataSet]) -> list[tuple[int, int]]:
     Raises:
         SceneError: both rove, a place that is there twice, or a direction other than along an axis.
     """
-    sensors = [(int(data["rsp_node"]), int(data["rsp_dir"])) for data in responses]
-    hammers = [(int(data["ref_node"]), int(data["ref_dir"])) for data in responses]
-    # by reciprocity the same
-    places = sensors if len(set(hammers)) == 1 else hammers
-    if len(set(sensors)) > 1 and len(set(hammers)) > 1:
+    sensors = []
+    hammers = []
+    for data in responses:
+        sensors.append((int(data["rsp_node"]), int(data["rsp_dir"])))
+        hammers.append((int(data["ref_node"]), int(data["ref_dir"])))
+    sensors_rove = len(set(sensors)) > 1
+    hammer_roves = len(set(hammers)) > 1
+    if sensors_rove and hammer_roves:
         bound = "must have the same response or the same reference in all functions"
         raise SceneError("", bound)
-    twice = next((place for place, count in Counter(places).items() if count > 1), None)
-    if twice is not None:
-        problem = f"has node {twice[0]}, direction {twice[1]} twice: it holds several runs;"
-        raise SceneError("", f"{problem} keep those of one run, or the means of all runs")
+    # a response from a to b is that from b to a, by reciprocity
+    places = hammers if hammer_roves else sensors
+    for (node, direction), count in Counter(places).items():
+        if count > 1:
+            problem = f"has node {node}, direction {direction} twice: it holds several runs;"
+            raise SceneError("", f"{problem} keep those of one run, or the means of all runs")
     for _, direction in places:
         if abs(direction) not in _AXES:
             raise SceneError("", f"has direction {direction}, where 1, 2 and 3 are read")

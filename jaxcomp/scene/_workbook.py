@@ -66,11 +66,13 @@ def _selected_sheet(workbook: "Workbook", name: str) -> "Worksheet":
             raise SceneError("", f"has no sheet of this name; it has {listed}", name)
         return sheets[name]
     filled = [sheet for sheet in sheets.values() if _has_cells(sheet)]
+    if not filled:
+        return workbook.worksheets[0]
     if len(filled) > 1:
         some = ", ".join(f'"{sheet.title}"' for sheet in filled)
         example = f"#{filled[0].title}"
         raise SceneError("", f"has several sheets ({some}): name one behind the file, as {example}")
-    return filled[0] if filled else workbook.worksheets[0]
+    return filled[0]
 
 
 def _has_cells(sheet: "Worksheet") -> bool:
@@ -82,7 +84,10 @@ def _rows(values: "Worksheet", formulas: "Worksheet") -> list[list[str]]:
     """Texts of all cells."""
     rows = []
     for row, with_formulas in zip_longest(values.iter_rows(), formulas.iter_rows(), fillvalue=()):
-        rows.append([_text(cell, other) for cell, other in zip(row, with_formulas, strict=True)])
+        texts = []
+        for cell, with_formula in zip(row, with_formulas, strict=True):
+            texts.append(_text(cell, with_formula))
+        rows.append(texts)
     return rows
 
 
@@ -103,8 +108,9 @@ def _text(cell: Any, with_formula: Any) -> str:
         return str(value).upper()
     if isinstance(value, int | float):
         # 0.85 that is shown as 85 % would be read as 0.85 under a head in per cent
-        is_share = "%" in str(cell.number_format)
-        return f"{100 * value:.15g} %" if is_share else repr(value)
+        if "%" in str(cell.number_format):
+            return f"{100 * value:.15g} %"
+        return repr(value)
     if isinstance(value, datetime | date | time):
         return value.isoformat()
     return str(value)

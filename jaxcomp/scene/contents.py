@@ -21,28 +21,35 @@ _CORRECTIONS = {
 
 def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
     """Type of each part of a machine, and how many values it has, by default and without a source."""
-    rows = describe(scene)
     contents = {}
-    words = {row.path: row.value for row in rows if row.path.endswith(".type")}
-    values = [row for row in rows if row.path not in words]
+    words = {}
+    values = []
+    for row in describe(scene):
+        if row.path.endswith(".type"):
+            words[row.path] = row.value
+        else:
+            values.append(row)
     for name, entry in scene.document.items():
         of_part = [row for row in values if row.path.startswith(f"{name}.")]
         in_file = [row for row in of_part if row.given is not None]
+        without_source = sum(not row.source for row in in_file)
         if of_part and isinstance(entry, dict | list):
             contents[name] = {
                 "type": words.get(f"{name}.type", ""),
                 "values": len(of_part),
                 "defaults": len(of_part) - len(in_file),
-                "without_source": sum(not row.source for row in in_file),
+                "without_source": without_source,
             }
     return contents
 
 
 def example_values(scene: Scene) -> int:
     """Number of the values of a scene that are still those of a file to start from."""
-    return sum(
-        row.given is not None and str(row.source).startswith(EXAMPLE) for row in describe(scene)
-    )
+    count = 0
+    for row in describe(scene):
+        if row.given is not None and str(row.source).startswith(EXAMPLE):
+            count += 1
+    return count
 
 
 def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
@@ -58,7 +65,9 @@ def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
             return _CORRECTIONS[name.rpartition(".")[2]]
         count = list_length(machine, name)
         doc = docs.get(name, "")
-        return f"{doc} (factor on all {count})".strip() if count else doc
+        if not count:
+            return doc
+        return f"{doc} (factor on all {count})".strip()
 
     described = {}
     for name in variable_names(machine):

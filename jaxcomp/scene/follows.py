@@ -32,8 +32,11 @@ def follows(scene: Scene) -> Iterator[tuple[str, Any, str]]:
         scene: of `jaxcomp.load`.
     """
     names = variable_names(machine_of(scene))
-    rules = ", ".join(name for name in names if name in design_rules)
-    yield "Variables for optimise and sweep", len(names), f"by rule: {rules}" if rules else ""
+    rules = [name for name in names if name in design_rules]
+    note = ""
+    if rules:
+        note = f"by rule: {', '.join(rules)}"
+    yield "Variables for optimise and sweep", len(names), note
     if scene.compressor is not None:
         written = machine_of(scene).compressor
         assert written is not None
@@ -88,7 +91,9 @@ def _of_rotor(model: RotorModel):
     for link in model.links:
         if link.held:  # axes that the model does not have hold nothing
             held += sum(axis in AXES[model.dof] for axis in link.axes)
-    reduction = f", less {held} of pinned and clamped links" if held else ""
+    reduction = ""
+    if held:
+        reduction = f", less {held} of pinned and clamped links"
     free = (count - slaved) * model.dof - held
     yield "Degrees of freedom", free, f"{model.dof} a free node{reduction}"
     for name, group in zip(subset_names(model), subsets(model), strict=True):
@@ -109,7 +114,9 @@ def _of_cylinders(compressor: Compressor):
         for path, part in subparts(tree):
             if isinstance(part, AbstractEach):
                 differing.append(f"the kind of {section}.{path}".rstrip("."))
-    note = f"different in {', '.join(differing)}" if differing else ""
+    note = ""
+    if differing:
+        note = f"different in {', '.join(differing)}"
     yield "Cylinders", crankshaft.count, note
     yield "Axes", axes_words(crankshaft.bank_angle), ""
     gas = getattr(compressor.gas, "head_end", compressor.gas)
@@ -117,12 +124,14 @@ def _of_cylinders(compressor: Compressor):
     if suction.size > 1:
         between = ", ".join(f"{1e-5 * p:.5g}" for p in suction[1:])
         yield "Pressure between stages", f"{between} bar", ""
-    yield "Between top dead centres", f"{shown} deg", "even" if even else "uneven"
+    spacing = "even" if even else "uneven"
+    yield "Between top dead centres", f"{shown} deg", spacing
     places = getattr(crankshaft.main_journal, "position", None)
     if places is not None:
         rods = np.asarray(crankshaft.position)
         outside = int(np.sum((rods < np.min(places)) | (rods > np.max(places))))
-        yield "Rods outside the main bearings", outside, "overhung" if outside else ""
+        note = "overhung" if outside else ""
+        yield "Rods outside the main bearings", outside, note
 
 
 def gas_follows(gas: Cylinder) -> Iterator[tuple[str, Any, str]]:
@@ -135,9 +144,11 @@ def gas_follows(gas: Cylinder) -> Iterator[tuple[str, Any, str]]:
     """
     fluid = gas.fluid
     if isinstance(fluid, Mixture):
-        shares = zip(fluid.components or (), np.asarray(fluid.mass_fractions), strict=True)
-        words = ", ".join(f"{name} {100 * share:.4g} %" for name, share in shares)
-        yield "Composition by mass", words, fluid.name
+        shares = []
+        fractions = np.asarray(fluid.mass_fractions)
+        for name, fraction in zip(fluid.components or (), fractions, strict=True):
+            shares.append(f"{name} {100 * fraction:.4g} %")
+        yield "Composition by mass", ", ".join(shares), fluid.name
     if has_dew_line(fluid) and fluid.has_glide:
         words = {"dew": "of dew points", "mean": "means of the heat exchangers"}[gas.reference]
         yield "Evaporating and condensing temperatures", words, ""

@@ -71,4 +71,7 @@ def _load_columns(table: TableText) -> dict[str, NDArray]:
     settings_of(table.settings)
     columns = Columns(table, _COLUMNS | _SPEEDS, tuple(_COLUMNS), _EXAMPLES)
     units = _COLUMNS | _SPEEDS
-    return {name: columns.values(name, units[name], may_be_empty=False) for name in columns.names}
+    values = {}
+    for name in columns.names:
+        values[name] = columns.values(name, units[name], may_be_empty=False)
+    return values

@@ -43,7 +43,9 @@ def rating_metadata(scene: Scene, rating: str, reference: str = "dew") -> dict[s
     if conditions.liquid is None and conditions.subcooling is None:
         conditions = conditions._replace(subcooling=0.0)
     settings = {"machine": scene.name, "fluid": gas.fluid.name, **metadata_of(conditions)}
-    return settings if reference == "dew" else settings | {"reference": reference}
+    if reference != "dew":
+        settings["reference"] = reference
+    return settings
 
 
 def polynomial_text(
@@ -100,16 +102,31 @@ def polynomial_text(
         return energyplus_text(settings, rows)
     if form == "tespy":
         assert machine is not None
-        speed, rating_map = next(iter(maps.items()))
-        fluid = cast(AbstractRealGas, cast(Cylinder, machine.gas).fluid)
-        swept = float(machine.swept_volume) * machine.crankshaft.count
-        # TESPy fits efficiencies, which have errors of their own
-        without_errors = {key: text for key, text in settings.items() if "error" not in key}
-        return tespy_text(without_errors, rating_map, fluid, swept, speed)
-    table = [
-        ",".join([name, MEASURED[name][0], *map(repr, row.tolist())]) for name, row in rows.items()
-    ]
-    first = 1 if count == 10 else 0
-    head = ",".join(["quantity", "unit", *(f"C{k}" for k in range(first, count + first))])
+        return _tespy_text(settings, maps, machine)
+    return _csv_text(settings, rows, count)
+
+
+def _tespy_text(
+    settings: Mapping[str, str], maps: Mapping[float, RatingMap], machine: Compressor
+) -> str:
+    """The first of some maps as a file of TESPy."""
+    speed, rating_map = next(iter(maps.items()))
+    fluid = cast(AbstractRealGas, cast(Cylinder, machine.gas).fluid)
+    swept_volume = float(machine.swept_volume) * machine.crankshaft.count
+    # TESPy fits efficiencies, which have errors of their own
+    without_errors = {}
+    for key, text in settings.items():
+        if "error" not in key:
+            without_errors[key] = text
+    return tespy_text(without_errors, rating_map, fluid, swept_volume, speed)
+
+
+def _csv_text(settings: Mapping[str, str], rows: Mapping[str, np.ndarray], count: int) -> str:
+    """A map as a file of polynomials in CSV, with `count` coefficients a line."""
     lines = [f"# {key} = {text}" for key, text in settings.items()]
-    return "\n".join([*lines, head, *table, ""])
+    first = 1 if count == 10 else 0
+    heads = [f"C{k}" for k in range(first, count + first)]
+    lines.append(",".join(["quantity", "unit", *heads]))
+    for name, row in rows.items():
+        lines.append(",".join([name, MEASURED[name][0], *map(repr, row.tolist())]))
+    return "\n".join([*lines, ""])

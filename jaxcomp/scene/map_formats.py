@@ -114,7 +114,10 @@ def read_energyplus(
         objects = _objects(text)
         at = _compressor(objects, name)
         compressor = [*objects[at], *[""] * 8]
-        curves = {cells[1].lower(): cells for cells in objects[:at] if _is_curve(cells)}
+        curves = {}
+        for cells in objects[:at]:
+            if _is_curve(cells):
+                curves[cells[1].lower()] = cells
         rows = {}
         for quantity, curve_name in (("capacity", compressor[3]), ("power", compressor[2])):
             if curve_name.lower() not in curves:
@@ -147,7 +150,10 @@ def _text_of(path: str | os.PathLike) -> str:
 def _objects(text: str) -> list[list[str]]:
     """Cells of the objects of EnergyPlus, without remarks."""
     bare = re.sub(r"!.*", "", text)
-    return [list(map(str.strip, text.split(","))) for text in bare.split(";")]
+    objects = []
+    for text in bare.split(";"):
+        objects.append([cell.strip() for cell in text.split(",")])
+    return objects
 
 
 def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
@@ -156,12 +162,12 @@ def _compressor(objects: Sequence[Sequence[str]], name: str | None) -> int:
     Raises:
         SceneError: no such compressor, or several without a name.
     """
-    places = [
-        place
-        for place, cells in enumerate(objects)
-        if cells[0].lower() == _COMPRESSOR and len(cells) > 1
-    ]
-    names = [objects[place][1] for place in places]
+    places = []
+    names = []
+    for place, cells in enumerate(objects):
+        if cells[0].lower() == _COMPRESSOR and len(cells) > 1:
+            places.append(place)
+            names.append(cells[1])
     if not names:
         problem = "has no Refrigeration:Compressor; save the compressor with both of its curves"
         raise SceneError("", problem)
@@ -299,7 +305,8 @@ def _tespy_entries(document: Any) -> _Tespy:
     for key in ("fluid", *_POLYNOMIALS, "reference_state"):
         if key not in document:
             raise SceneError(key, "is missing in a file of TESPy's PolynomialCompressor")
-    isentropic, volumetric = (_coefficients(document[key], key) for key in _POLYNOMIALS)
+    isentropic = _coefficients(document["eta_s_poly"], "eta_s_poly")
+    volumetric = _coefficients(document["eta_vol_poly"], "eta_vol_poly")
     state = _reference_state(document["reference_state"])
     return _Tespy(
         settings=_tespy_settings(document),
@@ -343,7 +350,10 @@ def _coefficients(numbers: Any, key: str) -> np.ndarray:
     """Ten numbers of a list."""
     if not isinstance(numbers, list) or len(numbers) != 10:
         raise SceneError(key, "must be a list of ten numbers", numbers)
-    return np.array([_json_number(value, f"{key}.{n}") for n, value in enumerate(numbers)])
+    coefficients = []
+    for n, value in enumerate(numbers):
+        coefficients.append(_json_number(value, f"{key}.{n}"))
+    return np.array(coefficients)
 
 
 def _json_number(number: Any, key: str) -> float:
@@ -368,18 +378,23 @@ def _states(metadata: Mapping[str, str], fluid: AbstractRealGas, S, D):
     def kelvins(key: str) -> float:
         """[K] Number of a setting, which is a temperature or a difference."""
         level = key in ("return_gas", "liquid")
-        number, unit = measure_setting(metadata, key, "18.3 degC" if level else "10 K")
+        example = "18.3 degC" if level else "10 K"
+        number, unit = measure_setting(metadata, key, example)
         size, zero = scale(unit, "K", level, key, unit)
         return number * size + zero
 
-    given_gas = "return_gas" in metadata
-    gas = kelvins("return_gas") + 0 * S if given_gas else S + kelvins("superheat")
+    if "return_gas" in metadata:
+        return_gas = kelvins("return_gas")
+        gas = return_gas + 0 * S
+    else:
+        gas = S + kelvins("superheat")
     if "liquid" in metadata:
         liquid = kelvins("liquid") + 0 * D
     else:
         liquid = fluid.bubble_of_dew(D) - kelvins("subcooling")
-    points = (jnp.asarray(x, float) for x in (S, D, gas, liquid))
-    return tuple(np.asarray(x) for x in _states_at(fluid, *points))
+    points = [jnp.asarray(x, float) for x in (S, D, gas, liquid)]
+    density, rise, worth = _states_at(fluid, *points)
+    return np.asarray(density), np.asarray(rise), np.asarray(worth)
 
 
 @eqx.filter_jit

@@ -15,6 +15,7 @@ deviations. What was set at all points may stand in the metadata: `# motor.mean_
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -123,14 +124,17 @@ def _trace(name: str, table: TableText, machine: Machine) -> Trace:
     )
     settings = settings_of(table.settings, ("independent",), machine)
     check_fluid(settings, machine)
-    quantities = tuple(quantity for quantity in Trace.MEASURED if quantity in columns)
-    if not quantities:
+    units = {}
+    for quantity, unit in Trace.MEASURED.items():
+        if quantity in columns:
+            units[quantity] = unit
+    if not units:
         raise SceneError("", f"measures nothing; known are {', '.join(Trace.MEASURED)}")
-    measured, deviations = _measured(columns, {q: Trace.MEASURED[q] for q in quantities})
+    measured, deviations = _measured(columns, units)
     values = machine_settings(settings, machine, ("independent",))
     return Trace(
         source=name,
-        quantities=quantities,
+        quantities=tuple(units),
         angle=columns.values("crank_angle", "rad", may_be_empty=False),
         measured=measured,
         paths=tuple(values),
@@ -148,7 +152,9 @@ def _measured(columns: Columns, units: Mapping[str, str]) -> tuple[NDArray, NDAr
         values = columns.values(name, unit)
         deviation = columns.deviations(name, unit, values)
         measured.append(values)
-        deviations.append(np.full(values.size, np.nan) if deviation is None else deviation)
+        if deviation is None:
+            deviation = np.full(values.size, np.nan)
+        deviations.append(deviation)
     return np.stack(measured), np.stack(deviations)
 
 
@@ -164,16 +170,25 @@ def _table(name: str, table: TableText, machine: Machine) -> Table:
         if path in paths:
             raise SceneError(path, "is given in a column and above the table; one must go")
     measured, deviations = _measured(columns, quantities)
-    conditions = [columns.values(path, unit, may_be_empty=False) for path, unit in paths.items()]
-    conditions += [np.full(len(columns), value) for value in values.values()]
+    conditions = []
+    units = []
+    for path, unit in paths.items():
+        conditions.append(columns.values(path, unit, may_be_empty=False))
+        units.append(unit)
+    for path, value in values.items():
+        conditions.append(np.full(len(columns), value))
+        units.append(variable(machine, path).unit)
+    settings_by_point = np.zeros((len(columns), 0))
+    if conditions:
+        settings_by_point = np.stack(conditions, -1)
     return Table(
         source=name,
         quantities=tuple(quantities),
         measured=measured.T,
         paths=(*paths, *values),
-        settings=np.stack(conditions, -1) if conditions else np.zeros((len(columns), 0)),
+        settings=settings_by_point,
         sd=deviations.T,
-        units=(*paths.values(), *(variable(machine, path).unit for path in values)),
+        units=tuple(units),
     )
 
 
@@ -234,7 +249,10 @@ def _unknown_heads(heads: Sequence[Head]) -> SceneError:
 
 def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
     del machine
-    places = [head.name for head in table.heads if "." in head.name]
+    places = []
+    for head in table.heads:
+        if "." in head.name:
+            places.append(head.name)
     columns = Columns(
         table,
         ("frequency", "mode", *places),
@@ -251,7 +269,9 @@ def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
         raise SceneError("support", 'must be "free" or "held"', support)
     ordered = [place for place in columns.names if place in places]
     nodes, axes = _places(ordered)
-    shapes = [columns.values(place, "") for place in ordered]
+    shape = None
+    if ordered:
+        shape = np.stack([columns.values(place, "") for place in ordered], -1)
     return ModalTest(
         source=name,
         frequency=frequency,
@@ -259,7 +279,7 @@ def _modal(name: str, table: TableText, machine: Machine) -> ModalTest:
         free=support == "free",
         nodes=nodes,
         axes=axes,
-        shape=np.stack(shapes, -1) if shapes else None,
+        shape=shape,
         sd=columns.deviations("frequency", "rad/s", frequency),
     )
 
@@ -272,10 +292,10 @@ def _mode_numbers(columns: Columns) -> tuple[int, ...]:
     valid = (numbers == np.round(numbers)) & (numbers >= 1) & (numbers <= _MOST_MODES)
     columns.refuse("mode", ~valid, numbers, f"a whole number from 1 to {_MOST_MODES}")
     modes = tuple(map(int, numbers))
-    if len(set(modes)) < len(modes):
-        twice = next(mode for mode in modes if modes.count(mode) > 1)
-        problem = "is there twice; give each run a file of its own, or the means of all runs"
-        raise SceneError("mode", problem, twice)
+    for mode, count in Counter(modes).items():
+        if count > 1:
+            problem = "is there twice; give each run a file of its own, or the means of all runs"
+            raise SceneError("mode", problem, mode)
     return modes
 
 
@@ -285,7 +305,10 @@ def _places(places: Sequence[str]) -> tuple[tuple[Any, ...], tuple[str, ...]]:
     axes = []
     for place in places:
         node, _, axis = place.rpartition(".")
-        nodes.append(int(node) if re.fullmatch("[0-9]{1,9}", node) else node)
+        if re.fullmatch("[0-9]{1,9}", node):
+            nodes.append(int(node))
+        else:
+            nodes.append(node)
         axes.append(axis.strip())
     return tuple(nodes), tuple(axes)
 
@@ -307,6 +330,8 @@ def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:
     amplitude = size * columns.values("amplitude", unit, may_be_empty=False)
     columns.refuse("amplitude", ~(amplitude >= 0), amplitude, ">= 0")
     deviation = columns.deviations("amplitude", unit, amplitude / size)
+    if deviation is not None:
+        deviation = size * deviation
     phase = np.full(len(columns), np.nan)
     if "phase" in columns:
         phase = columns.values("phase", "rad")
@@ -318,5 +343,5 @@ def _vibration(name: str, table: TableText, machine: Machine) -> VibrationTest:
         amplitude=amplitude,
         phase=phase,
         order=order,
-        sd=None if deviation is None else size * deviation,
+        sd=deviation,
     )

@@ -30,6 +30,7 @@ column `plane`:
 
 import dataclasses
 import os
+from collections import Counter
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -94,13 +95,14 @@ class _Table:
         self.units = _header(heads, with_phase)
         if self.units["speed"].lower() in ("hz", "1/s", "s^-1"):  # revolutions a second
             self.units["speed"] = "turn/s"
-        self.dimensions = {
-            name: _dimension(name, self.units[name]) for name in _UNITS if name in self.units
-        }
-        self.scale = {
-            name: factor(self.units[name], si, name, self.units[name])
-            for name, si in self.dimensions.items()
-        }
+        self.dimensions: dict[str, str] = {}
+        self.scale: dict[str, float] = {}
+        for name in _UNITS:
+            if name in self.units:
+                unit = self.units[name]
+                si = _dimension(name, unit)
+                self.dimensions[name] = si
+                self.scale[name] = factor(unit, si, name, unit)
         self.readings: dict[str, dict[tuple[str, float], complex]] = {}
         self.trials: dict[str, complex] = {}
         self.plane_of: dict[str, str] = {}
@@ -109,7 +111,9 @@ class _Table:
 
     def cells(self, number: int, line) -> dict[str, str]:
         """The cells of a line by column."""
-        cell = {c: text.strip() for c, text in zip(self.units, line, strict=True)}
+        cell = {}
+        for column, text in zip(self.units, line, strict=True):
+            cell[column] = text.strip()
         for column, text in cell.items():
             if not text.isprintable():
                 raise SceneError(f"line {number}.{column}", "must be printable", text)
@@ -133,7 +137,9 @@ class _Table:
         if amplitude < 0:
             problem = "must be >= 0; what is opposite has a phase that differs by 180 deg"
             raise SceneError(f"line {number}.amplitude", problem, amplitude)
-        phase = _number(cell, "phase", self.scale, number) if self.with_phase else 0.0
+        phase = 0.0
+        if self.with_phase:
+            phase = _number(cell, "phase", self.scale, number)
         run_readings[key] = amplitude * np.exp(1j * phase)
         if run == _INITIAL and cell.get("weight"):
             self.weights[key] = _number(cell, "weight", self.scale, number)
@@ -166,7 +172,8 @@ class _Table:
     def _take_plane(self, number: int, cell: dict[str, str]) -> None:
         """The plane of a line's run: its own column, the run's name, or the only one."""
         run = cell["run"]
-        plane = cell.get("plane", run if self.with_phase else _ONE_PLANE)
+        usual_plane = run if self.with_phase else _ONE_PLANE
+        plane = cell.get("plane", usual_plane)
         if not plane:
             problem = "is empty; write the plane of the trial weight in every line of a run"
             raise SceneError(f"line {number}.plane", problem)
@@ -183,7 +190,8 @@ class _Table:
             problem = f'"{_RUN_OUT}" needs a column phase: without it nothing can be taken off'
             raise SceneError("run", problem)
         keys = self.readings[_INITIAL].keys()
-        _take_off(self.readings, {target for target, _ in keys})
+        targets = {target for target, _ in keys}
+        _take_off(self.readings, targets)
         for run in self.trials:
             for target, speed in keys ^ self.readings[run].keys():
                 at = f"{target} at {speed * RPM:.6g} rpm"
@@ -193,7 +201,9 @@ class _Table:
         """Entries that a table without the first run lacks, in words."""
         runs = ", ".join(list(self.readings)[:_FEW])
         near = nearest(_INITIAL, self.readings)
-        meant = f'; write "{_INITIAL}" for "{near}"' if near else ""
+        meant = ""
+        if near:
+            meant = f'; write "{_INITIAL}" for "{near}"'
         return (
             f'has no line "{_INITIAL}", which is the reading as the machine is, without any trial '
             f"weight; the runs of the table are {runs or 'none'}{meant}"
@@ -208,16 +218,16 @@ class _Table:
             tuple(self.plane_of.values()),
         )
         system = self._system()
-        alternatives = tuple(
-            dataclasses.replace(other, unit=unit, trial=self.dimensions["trial"])
-            for other in system.alternatives
-        )
+        trial_unit = self.dimensions["trial"]
+        alternatives = []
+        for other in system.alternatives:
+            alternatives.append(dataclasses.replace(other, unit=unit, trial=trial_unit))
         return dataclasses.replace(
             system,
             unit=unit,
-            trial=self.dimensions["trial"],
+            trial=trial_unit,
             trials=trials,
-            alternatives=alternatives,
+            alternatives=tuple(alternatives),
         )
 
     def _system(self) -> Influence:
@@ -242,7 +252,8 @@ class _Table:
 
     def _row_weights(self, keys: Sequence[tuple[str, float]]) -> np.ndarray:
         """Weight of every reading of the initial run; 1 where the table has none."""
-        return np.array([self.weights.get(key, 1.0) for key in keys])
+        weights = [self.weights.get(key, 1.0) for key in keys]
+        return np.array(weights)
 
     def _in_order(self, run: str, keys: Sequence[tuple[str, float]]) -> np.ndarray:
         """Readings of a run in the order of the initial one, which its lines need not have."""
@@ -273,8 +284,9 @@ class _Table:
 
     def _runs_by_plane(self) -> str:
         """Numbers of runs with a trial weight of each plane, in words."""
-        planes = list(self.plane_of.values())
-        counts = (f"{planes.count(plane)} in {plane}" for plane in dict.fromkeys(planes))
+        counts = []
+        for plane, count in Counter(self.plane_of.values()).items():
+            counts.append(f"{count} in {plane}")
         return f"runs with a trial weight are {', '.join(counts)}"
 
     def _weights_on(self, planes: Sequence[str]) -> np.ndarray:
@@ -299,7 +311,9 @@ def _take_off(readings, targets) -> None:
     surface = readings.pop(_RUN_OUT, None)
     if surface is None:
         return
-    by_target = {target: value for (target, _), value in surface.items()}
+    by_target = {}
+    for (target, _), reading_value in surface.items():
+        by_target[target] = reading_value
     if len(by_target) < len(surface):
         raise SceneError("run", f'"{_RUN_OUT}" must read every target once, at one low speed')
     for target in targets - set(by_target):

@@ -125,14 +125,30 @@ def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Reading
     columns = Columns(table, allowed, (), _EXAMPLES, deviations=True, temperatures=_LEVELS)
     if not len(columns):
         raise SceneError("", "has no points: write a line of numbers below the heads for each")
-    numbers = {
-        quantity: columns.values(quantity, si)
-        for quantity, si in _UNITS.items()
-        if quantity in columns
-    }
-    values = {quantity: numbers[quantity] for quantity in columns.names if quantity in MEASURED}
+    numbers = {}
+    for quantity, si in _UNITS.items():
+        if quantity in columns:
+            numbers[quantity] = columns.values(quantity, si)
+    values = {}
+    for quantity in columns.names:
+        if quantity in MEASURED:
+            values[quantity] = numbers[quantity]
     if not values:
         raise SceneError("", f"measures nothing; known are {', '.join(MEASURED)}")
+    deviations = _deviations(columns, values)
+    conditions = {}
+    for quantity in CONDITIONS:
+        if quantity in columns:
+            conditions[quantity] = numbers[quantity]
+    return _readings(name, metadata, conditions, len(columns), values, deviations)
+
+
+def _deviations(columns: Columns, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """[SI] Standard deviations of the measured quantities that have a column of them.
+
+    Raises:
+        SceneError: deviations of a quantity that has no column.
+    """
     deviations = {}
     for quantity in MEASURED:
         if f"sd({quantity})" in columns and quantity not in values:
@@ -141,8 +157,7 @@ def _points(name: str, metadata: Mapping[str, str], table: TableText) -> Reading
             deviation = columns.deviations(quantity, MEASURED[quantity][0], values[quantity])
             if deviation is not None:
                 deviations[quantity] = deviation
-    conditions = {quantity: numbers[quantity] for quantity in CONDITIONS if quantity in columns}
-    return _readings(name, metadata, conditions, len(columns), values, deviations)
+    return deviations
 
 
 def _scale(quantity: str, unit: str) -> tuple[float, float]:
@@ -179,7 +194,9 @@ def _readings(
     subcooling = conditions.get("subcooling")
     # of a fluid without glide; only the machine's fluid tells the glide of another
     liquid = conditions["liquid"] if subcooling is None else D - subcooling
-    useful = S + conditions["useful_superheat"] if "useful_superheat" in conditions else gas
+    useful = gas
+    if "useful_superheat" in conditions:
+        useful = S + conditions["useful_superheat"]
     speed = conditions.get("speed", np.full(count, np.nan))
     fluid = word_setting(metadata, "fluid")
     reference = word_setting(metadata, "reference").lower() or "dew"
@@ -276,9 +293,10 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
             raise SceneError(
                 f"line {number}.unit", f"must be a unit, such as {_EXAMPLES[quantity]}"
             )
-        row = np.array([cell_number(text, f"line {number}.{quantity}") for text in line[2:]])
+        key = f"line {number}.{quantity}"
+        coefficients = [cell_number(text, key) for text in line[2:]]
         size, zero = _scale(quantity, unit)
-        rows[quantity] = row * size
+        rows[quantity] = np.array(coefficients) * size
         rows[quantity][0] += zero  # the constant comes first in all forms
     return sampled(name, metadata, rows, evaporating, condensing, speed)
 
@@ -303,7 +321,9 @@ def sampled(
     Raises:
         SceneError: as `read_readings`.
     """
-    count = 10 if callable(rows) else len(next(iter(rows.values())))
+    count = 10
+    if not callable(rows):
+        count = len(next(iter(rows.values())))
     S, D = _grid(metadata, evaporating, condensing)
     if count > 10 and speed is None:
         raise SceneError("speed", f"must be given for a polynomial of {count} coefficients")
@@ -312,7 +332,10 @@ def sampled(
     def at(S, D) -> Mapping[str, Any]:
         if callable(rows):
             return rows(S, D)
-        return {quantity: terms_of(count, S, D, turns) @ row for quantity, row in rows.items()}
+        quantities = {}
+        for quantity, row in rows.items():
+            quantities[quantity] = terms_of(count, S, D, turns) @ row
+        return quantities
 
     # [K] of the differences by which the sense of a slope is judged
     step = 0.1
@@ -339,7 +362,9 @@ def _grid(metadata: Mapping[str, str], evaporating, condensing) -> tuple[np.ndar
         if temperatures is None:
             temperatures = np.linspace(*_ends(metadata, key), points)
         axes.append(np.asarray(temperatures, float))
-    S, D = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    S, D = np.meshgrid(*axes, indexing="ij")
+    S = S.ravel()
+    D = D.ravel()
     apart = D - S > _CLOSEST
     if not apart.any():
         problem = f"and condensing leave no point {_CLOSEST:g} K apart; give other temperatures"
@@ -371,10 +396,11 @@ def _bends(quantity: str, value, warmer, hotter, S, D) -> Iterator[str]:
         (hotter - value > 1e-4 * value, "rises with the condensing temperature"),
     ):
         if wrong.any():
-            places = ", ".join(
-                f"{s - ZERO:.4g}/{d - ZERO:.4g} C" for s, d in zip(S[wrong], D[wrong], strict=True)
-            )
-            yield f"the polynomial of {quantity} {text} at {places}: it bends the wrong way"
+            places = []
+            for s, d in zip(S[wrong], D[wrong], strict=True):
+                places.append(f"{s - ZERO:.4g}/{d - ZERO:.4g} C")
+            listed = ", ".join(places)
+            yield f"the polynomial of {quantity} {text} at {listed}: it bends the wrong way"
 
 
 def identified_scene(scene: Scene, found: Identification) -> Scene:

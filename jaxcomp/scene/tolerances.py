@@ -82,10 +82,12 @@ def read_tolerance(text: Any, unit: str, key: str) -> Within:
     if single and (words[2] or words[3]):
         raise SceneError(key, "is a standard deviation, which takes no other word", text)
     relative = given_unit == "%"
-    if relative:
-        values = [float(n.replace(" ", "")) / 100 for n in numbers]
-    else:
-        values = [float(to_si(f"{n} {given_unit}", unit, key, difference=True)) for n in numbers]
+    values = []
+    for number in numbers:
+        if relative:
+            values.append(float(number.replace(" ", "")) / 100)
+        else:
+            values.append(float(to_si(f"{number} {given_unit}", unit, key, difference=True)))
     if limit_pair:
         limits: Any = (min(values), max(values))  # drawings have either one on top
     else:
@@ -107,10 +109,10 @@ def tolerances_of(design: Machine, texts: Mapping[str, str]) -> dict[str, Within
         BadInput: a name or pattern that fits nothing.
         SceneError: a text that cannot be read.
     """
-    return {
-        name: read_tolerance(text, variable(design, name).unit, name)
-        for name, text in by_name(design, texts).items()
-    }
+    tolerances = {}
+    for name, text in by_name(design, texts).items():
+        tolerances[name] = read_tolerance(text, variable(design, name).unit, name)
+    return tolerances
 
 
 def read_tolerance_file(path: str | os.PathLike) -> ToleranceFile:
