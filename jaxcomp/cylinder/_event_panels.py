@@ -3,7 +3,7 @@
 The equations that their unknowns solve are those of `_cycle_collocation`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import ClassVar, NamedTuple
 
@@ -22,6 +22,10 @@ from ._cylinder import Case
 from ._gas_balance import FREE
 from ._march import BEND, Record, within_steps
 from ._revolutions import START, TURN
+
+# Mass, temperature and both lifts among the states of a cylinder. Velocities are left out: they are
+# slopes of the lifts, with scales that say little of the flow.
+RESOLVED = (0, 1, 2, 5)
 
 
 class Mesh(NamedTuple):
@@ -272,11 +276,14 @@ def last_terms(values: Float[Array, "*n m"]) -> Float[Array, "*n"]:
     return jnp.sum(jnp.abs(values @ _to_series(values.shape[-1])[-2:].T), axis=-1)
 
 
-def resolution(z: Unknowns) -> Float[Array, ""]:
-    """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales."""
-    # velocities are left out: they are slopes of the lifts, with scales that say little of the
-    # flow
-    states = z.points[..., jnp.asarray([0, 1, 2, 5])]
+def resolution(z: Unknowns, columns: Sequence[int] | np.ndarray = RESOLVED) -> Float[Array, ""]:
+    """[-] Highest two terms of the polynomials of mass, temperature and lifts, over their scales.
+
+    Args:
+        z: on panels.
+        columns: where these stand among the states, those of one cylinder behind those of another.
+    """
+    states = z.points[..., jnp.asarray(columns)]
     wide = (jnp.diff(z.edges) > 1e-7)[:, None, None]
     terms = jnp.abs(jnp.einsum("kj,pjn->pkn", _to_series(states.shape[1])[-2:], states))
     return max_of(jnp.sum(jnp.where(wide, terms, 0.0), axis=1))

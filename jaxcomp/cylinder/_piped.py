@@ -19,7 +19,7 @@ from ._border import (
 )
 from ._cycle_collocation import newton
 from ._cycle_options import COARSE
-from ._event_panels import resolution
+from ._event_panels import RESOLVED, resolution
 from ._quadrature import is_too_wide
 from ._rounds import AbstractLines, Approach
 from ._waves import waves_at_rest
@@ -84,7 +84,7 @@ class PipedLines(AbstractLines):
 
     def is_coarse(self, system, z):
         wide = is_too_wide(system.first, z.edges, system.orders)
-        return wide | (resolution(z) > COARSE)
+        return wide | (resolution(z, system.columns(*RESOLVED)) > COARSE)
 
     def revolutions(self, system, count, memory):
         if system.cases.cylinder.plenums:

@@ -15,7 +15,7 @@ from ._cycle_collocation import NewtonReport, PanelEquations, newton
 from ._cycle_evaluation import CycleSolution
 from ._cycle_options import COARSE, CycleOptions
 from ._cylinder_system import Cylinders
-from ._event_panels import Mesh, Unknowns, is_edge, lay_mesh, resolution
+from ._event_panels import RESOLVED, Mesh, Unknowns, is_edge, lay_mesh, resolution
 from ._gas_balance import EVENTS, FLAGS, Accounts
 from ._march import Record
 from ._revolutions import START, TURN, March, march
@@ -178,7 +178,7 @@ class ConstantLines(AbstractLines):
         return new, None, report
 
     def is_coarse(self, system, z):
-        return resolution(z) > COARSE
+        return resolution(z, system.columns(*RESOLVED)) > COARSE
 
     def next_waves(self, goes_on, waves, new, report):
         return None

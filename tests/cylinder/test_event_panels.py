@@ -1,4 +1,6 @@
-"""Panels of a revolution: where their edges stand."""
+"""Panels of a revolution: where their edges stand, and whether they resolve what is on them."""
+
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -8,9 +10,10 @@ import pytest
 from jaxcomp import load
 from jaxcomp._core.fields import replaced
 from jaxcomp.cylinder import solve_cycle
-from jaxcomp.cylinder._event_panels import lay_mesh
+from jaxcomp.cylinder._event_panels import Unknowns, lay_mesh
 from jaxcomp.cylinder._march import Record
 from jaxcomp.cylinder._revolutions import START, TURN
+from jaxcomp.cylinder._rounds import ConstantLines
 
 STEPS = 24
 PANELS = 12
@@ -118,3 +121,23 @@ def test_slopes_where_a_port_chokes():
     difference = (work(1 + step) - work(1 - step)) / (2 * step)
     # 1.2e-4 on the panels of the first size; with the kinks within panels 1e-3
     np.testing.assert_allclose(slope, difference, rtol=3e-4)
+
+
+@pytest.mark.parametrize("rough", [0, 1], ids=["first", "second"])
+def test_panels_that_are_too_few_for_one_of_two_cylinders_are_coarse(rough):
+    stride = 8
+    points = np.ones((PANELS, 5, 2 * stride))
+    z = Unknowns(points, points[:, 0], START + TURN * np.linspace(0, 1, PANELS + 1))
+
+    def columns(*places):
+        return (stride * np.arange(2)[:, None] + np.array(places)).ravel()
+
+    system = SimpleNamespace(columns=columns)
+    assert not ConstantLines().is_coarse(system, z)
+    # a lift that goes up and down from node to node
+    points[3, :, stride * rough + 2] = [0.0, 0.1, 0.0, 0.1, 0.0]
+    assert ConstantLines().is_coarse(system, z)
+    # a velocity that does so says little
+    points[3, :, stride * rough + 2] = 1.0
+    points[3, :, stride * rough + 3] = [0.0, 0.1, 0.0, 0.1, 0.0]
+    assert not ConstantLines().is_coarse(system, z)
