@@ -147,8 +147,13 @@ class DesignResult:
     def status(self) -> Status:
         """Status of what was computed so far of the crank; a design out of bounds is bad input."""
         parts = [self.design.compressor, *self.design.parts.values()]
-        good = [admissible(part) for part in parts if part is not None]
-        status = self.orbit.status if "orbit" in self.__dict__ else Status.converged
+        good = []
+        for part in parts:
+            if part is not None:
+                good.append(admissible(part))
+        status = Status.converged
+        if "orbit" in self.__dict__:
+            status = self.orbit.status
         if not good:
             return status
         return Status.where(jnp.all(jnp.stack(good)), status, Status.bad_input)
@@ -213,8 +218,11 @@ class DesignResult:
         targets = places_of(self.assembly).targets
         axes = [len(target.axes) for target in targets]
         names = np.repeat([target.name for target in targets], axes)
-        rows = {name: np.flatnonzero(names == name) for name in dict.fromkeys(names.tolist())}
-        return {name: self._root_mean_square(place) for name, place in rows.items()}
+        amplitudes = {}
+        for name in dict.fromkeys(names.tolist()):
+            rows = np.flatnonzero(names == name)
+            amplitudes[name] = self._root_mean_square(rows)
+        return amplitudes
 
     @property
     def balanced_vibration(self) -> Float[Array, ""]:
@@ -251,9 +259,8 @@ def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
         options: of the analysis whose vibration is balanced.
     """
     # Least squares finds the whole correction, so that none may be in place.
-    uncorrected = eqx.tree_at(
-        lambda d: d.corrections, design, {name: jnp.zeros(2) for name in design.corrections}
-    )
+    no_corrections = {name: jnp.zeros(2) for name in design.corrections}
+    uncorrected = eqx.tree_at(lambda d: d.corrections, design, no_corrections)
     influence = DesignResult(uncorrected, options).influence
     correction = least_squares(influence).correction
     components = jnp.stack([correction.real, correction.imag], -1)
@@ -272,12 +279,19 @@ def quantity_named(name: str) -> Quantity:
     if quantity is None or "<" in name:
         names = [candidate.name for candidate in registered()]
         prefix = f"{name.lower()}."
-        family = nearest(name, [member for member in names if member.startswith(prefix)])
+        members = [member for member in names if member.startswith(prefix)]
+        family = nearest(name, members)
         if family is not None:
             bound = f'"{family}"; `jaxcomp list --quantities MACHINE` lists its members'
             raise BadInput("quantity", name, bound)
         raise BadInput("quantity", name, one_of(name, names))
     return quantity
+
+
+def _needs_trace(quantity: Quantity) -> bool:
+    if is_external(quantity):
+        return True
+    return bool(quantity.family) and quantity.members is None
 
 
 def available_quantities(design: Machine, members: bool = False) -> dict[str, Quantity]:
@@ -292,7 +306,7 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
     if not members:
         return {quantity.name: quantity for quantity in suiting}
     # Only a trace tells which of these a design has, and the members of a family that lists none.
-    traced = [q for q in suiting if is_external(q) or (q.family and q.members is None)]
+    traced = [quantity for quantity in suiting if _needs_trace(quantity)]
 
     def values(design):
         result = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))

@@ -11,7 +11,7 @@ piston these are the loads of its pin.
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import jax
@@ -181,10 +181,11 @@ def _ends(
         isinstance(machine_gas, Cylinder) and machine_gas.later_stages
     ):
         stages = machine_gas.stages
-    return {
-        name: _of_cylinders(compressor, {"stage": jnp.asarray(stages, float), **columns})
-        for name, columns in ends.items()
-    }
+    described = {}
+    for name, columns in ends.items():
+        columns_with_stage = {"stage": jnp.asarray(stages, float), **columns}
+        described[name] = _of_cylinders(compressor, columns_with_stage)
+    return described
 
 
 def _ideal_end(cycle: PolytropicCycle, source: Any, displacement) -> dict[str, Any]:
@@ -278,7 +279,9 @@ class ProcessSheet(Result):
         """The loads along the rods, of several by their numbers."""
         for kind in ("gas", "inertia", "combined"):
             for number, load in enumerate(getattr(self, kind), 1):
-                suffix = f".{number}" if len(self.throws) > 1 else ""
+                suffix = ""
+                if len(self.throws) > 1:
+                    suffix = f".{number}"
                 doc = "along the rod, tension positive"
                 yield Data(f"{kind}_rod_load{suffix}", "N", load, self.table_dims, doc)
 
@@ -286,9 +289,9 @@ class ProcessSheet(Result):
         """Throws, ends and shaking by their names."""
         return {
             "crosshead": self.crosshead,
-            "throws": [dict(record) for record in self.throws],
-            "ends": [dict(record) for record in self.ends],
-            "unbalanced": [dict(record) for record in self.unbalanced],
+            "throws": _copies(self.throws),
+            "ends": _copies(self.ends),
+            "unbalanced": _copies(self.unbalanced),
         }
 
 
@@ -314,10 +317,16 @@ def process_sheet(compressor: Compressor, orbit: Orbit, forces: RodForces) -> Pr
     )
 
 
+def _copies(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [dict(record) for record in records]
+
+
 def _rows_of_ends(forces: RodForces) -> Iterator[dict[str, Any]]:
     for number in range(len(forces.gas)):
         # a compiled function returns its keys sorted
-        for end in [name for name in ("head", "crank") if name in forces.ends]:
+        for end in ("head", "crank"):
+            if end not in forces.ends:
+                continue
             columns = forces.ends[end]
             numbers = {name: float(column[number]) for name, column in columns.items()}
             stage = int(numbers.pop("stage"))
@@ -371,7 +380,8 @@ def _throws(forces: RodForces) -> Iterator[dict[str, Any]]:
     angle = forces.angle[wide]
     for number in range(len(forces.gas)):
         record: dict[str, Any] = {"cylinder": number + 1}
-        record |= {name: float(column[number]) for name, column in forces.throws.items()}
+        for name, column in forces.throws.items():
+            record[name] = float(column[number])
         loads = {
             "gas": forces.fine_gas[number, wide],
             "inertia": forces.fine_inertia[number, wide],

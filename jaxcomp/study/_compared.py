@@ -302,8 +302,11 @@ def _figures(machine: Any, orbit: Orbit) -> dict[str, tuple[str, float]]:
     """Unit and value of what a design is judged by: headlines, the single numbers of its orbit, power."""
     candidates = [quantity_named(name) for name in HEADLINES]
     candidates += [quantity for quantity in registered() if quantity.family == "power_use"]
-    judged = tuple(quantity for quantity in candidates if {*quantity.needs} <= _OF_CRANK)
-    values = _values_of(machine, orbit, judged)
+    judged = []
+    for candidate in candidates:
+        if {*candidate.needs} <= _OF_CRANK:
+            judged.append(candidate)
+    values = _values_of(machine, orbit, tuple(judged))
     single = {}
     for entry in orbit.described():
         if not entry.dims and not entry.name.endswith("residual"):
@@ -327,9 +330,13 @@ def _values_of(
     for figure in suiting:
         if figure.name not in values:
             continue
-        members = values[figure.name] if figure.family else {"": values[figure.name]}
+        members = {"": values[figure.name]}
+        if figure.family:
+            members = values[figure.name]
         for member, value in members.items():
-            name = f"{figure.family}.{member}" if member else figure.name
+            name = figure.name
+            if member:
+                name = f"{figure.family}.{member}"
             out[name] = figure.unit, float(value)
     return out
 
@@ -357,13 +364,17 @@ def _joined(tables: Sequence[dict[str, tuple[str, float]]]) -> list[ComparedQuan
     """One row for each name, in the order in which they come first, all `loss_power` together."""
     units = {}
     for table in tables:
-        units |= {name: unit for name, (unit, _) in table.items()}
+        for name, (unit, _) in table.items():
+            units[name] = unit
     families = list(dict.fromkeys(map(_family, units)))
     absent = ("", None)
     rows = []
     for name in sorted(units, key=lambda name: families.index(_family(name))):
-        values = tuple(table.get(name, absent)[1] for table in tables)
-        rows.append(ComparedQuantity(name, units[name], values))
+        values = []
+        for table in tables:
+            _, value = table.get(name, absent)
+            values.append(value)
+        rows.append(ComparedQuantity(name, units[name], tuple(values)))
     return rows
 
 
@@ -377,5 +388,7 @@ def _dimensions(machine: Any) -> Iterator[tuple[str, tuple[str, float]]]:
         for name, field in quantities(part):
             value = getattr(part, name)
             if value is not None and not np.ndim(value):
-                place = f"{path}.{name}" if path else name
+                place = name
+                if path:
+                    place = f"{path}.{name}"
                 yield place, (field.metadata["unit"], float(value))

@@ -108,7 +108,9 @@ class Descent:
     def value(self, share) -> float:
         """[-] the objective; a high value where the design cannot be solved."""
         point = self.at(share)
-        return point.f if point.ok else self.best.f + _FAILED
+        if point.ok:
+            return point.f
+        return self.best.f + _FAILED
 
     def near(self, share) -> Point:
         """The design, or the best one so far if it cannot be solved."""
@@ -122,11 +124,10 @@ Method = Callable[[Descent, Float[np.ndarray, " variables"]], None]
 def _slsqp(descent: Descent, start) -> None:
     """Sequential quadratic programming (Kraft 1988), for bounds and constraints."""
     equal = descent.goal.equalities
-    constraints = [
-        _constraint(descent, kind, rows)
-        for kind, rows in (("eq", equal), ("ineq", ~equal))
-        if rows.any()
-    ]
+    constraints = []
+    for kind, rows in (("eq", equal), ("ineq", ~equal)):
+        if rows.any():
+            constraints.append(_constraint(descent, kind, rows))
     steep = np.max(np.abs(descent.near(start).gradient))
     # SLSQP begins with a unit Hessian, so that its first step is minus the slope: at most `_FIRST`.
     gain = min(1.0, _FIRST / max(steep, 1e-300))
@@ -163,7 +164,9 @@ def keep_limits(descent: Descent, start) -> None:
         value = over @ over / 2
         if point.feasible:
             raise _Ended
-        return value if point.ok else value + _FAILED, over @ misses.slope
+        if not point.ok:
+            value = value + _FAILED
+        return value, over @ misses.slope
 
     from scipy.optimize import minimize  # half a second, for those who search
 
@@ -211,6 +214,12 @@ def _first_order(transformation: "optax.GradientTransformation") -> Method:
     return method
 
 
+def _is_method(method: "str | optax.GradientTransformation") -> bool:
+    if isinstance(method, str):
+        return method in METHODS
+    return hasattr(method, "update")
+
+
 def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -> Method:
     """A method by name, or any transformation of Optax.
 
@@ -226,8 +235,7 @@ def method_of(method: "str | optax.GradientTransformation | None", goal: Goal) -
         named = method
     if named == "slsqp":
         return _slsqp
-    usable = method in METHODS if isinstance(method, str) else hasattr(method, "update")
-    if not usable:
+    if not _is_method(method):
         raise BadInput("method", str(method), f"one of {', '.join(METHODS)}, or of optax")
     if goal.limits:
         raise BadInput("method", named, "'slsqp' with constraints")

@@ -143,6 +143,15 @@ class Goal:
         return np.array([limit.side == 0 for limit in self.limits], bool)
 
 
+def _without_ranges(variables: Iterable[Variable]) -> tuple[Variable, ...]:
+    """The variables with the bounds of their numbers as their ranges."""
+    rangeless = []
+    for variable in variables:
+        bound = variable.bound
+        rangeless.append(variable._replace(low=bound.low, high=bound.high))
+    return tuple(rangeless)
+
+
 def goal_of(
     problem: Problem,
     objective: Objective | None,
@@ -181,7 +190,7 @@ def goal_of(
     limits = []
     for quantity, interval in bounds_by_names("constraints", constraints).items():
         limits += _sides(name_of(quantity), place(quantity), *interval)
-    rangeless = tuple(v._replace(low=v.bound.low, high=v.bound.high) for v in problem.variables)
+    rangeless = _without_ranges(problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
     complete = Problem(problem.design, rangeless, tuple(quantities), problem.options)
     # Refuses what the machine does not have before anything is compiled.

@@ -78,7 +78,9 @@ def ideal_delivery(
         constant = jnp.ravel(ends.gas_constant)[0]
         pressure = jnp.broadcast_to(chambers[0][0].suction_pressure, (count,))
         density = pressure / (constant * inlet)
-        masses = [cycle.filling * size * density for cycle, size in chambers]
+        masses = []
+        for cycle, size in chambers:
+            masses.append(cycle.filling * size * density)
         mass = of_first_stage(masses) * speed / (2 * jnp.pi)
         cycle = chambers[0][0]
         ratio = cycle.discharge_pressure / cycle.suction_pressure

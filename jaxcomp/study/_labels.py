@@ -24,33 +24,58 @@ def variable_label(design: Machine, path: str) -> str:
         path: name of a variable, see `Variable`.
     """
     steps = path.split(".")
-
-    def place(count: int) -> Any:
-        with suppress(LookupError):
-            return walk(design, steps[:count])
-
-    nodes = getattr(place(max(len(steps) - 2, 0)), "nodes", ())
+    holder = _object_at(design, steps[: max(len(steps) - 2, 0)])
+    nodes = getattr(holder, "nodes", ())
     if path.startswith("loads.unbalances.") and steps[-1].isdigit():
-        quantity = "unbalance" if steps[-2] == "magnitude" else f"{steps[-2]} of the unbalance"
+        quantity = "unbalance"
+        if steps[-2] != "magnitude":
+            quantity = f"{steps[-2]} of the unbalance"
         return f"{quantity} at node {_node(nodes[int(steps[-1])])}"
     # the number is an entry of the last step with a name; what stands before is the part
-    name = max((i for i, step in enumerate(steps) if not step.isdigit()), default=0)
-    part = []
-    for number, step in enumerate(steps[:name]):
+    name_at = 0
+    for number, step in enumerate(steps):
+        if not step.isdigit():
+            name_at = number
+    label = " ".join(_entry_words(steps, name_at, nodes))
+    part = _part_words(design, steps, name_at)
+    if part:
+        label += f" of {' '.join(part)}"
+    return label
+
+
+def _object_at(design: Machine, steps: list[str]) -> Any:
+    """The object at the end of a path; `None` where the path leads nowhere."""
+    with suppress(LookupError):
+        return walk(design, steps)
+    return None
+
+
+def _part_words(design: Machine, steps: list[str], name_at: int) -> list[str]:
+    """Words of the part that has a number, from the steps before that of its name."""
+    words = []
+    for number, step in enumerate(steps[:name_at]):
         if steps[: number + 2] == ["crankshaft", "main_journal"]:
             continue  # the journal says enough
         if step.isdigit():
-            part.append(_part(place(number + 1), step))
+            part = _object_at(design, steps[: number + 1])
+            words.append(_part(part, step))
         elif step not in _LEFT_OUT or (number and steps[number - 1] in SECTIONS):
-            part.append(_word(step))
-    entry = [_word(steps[name]), *(str(int(step) + 1) for step in steps[name + 1 :])]
-    if len(entry) > 1:
+            words.append(_word(step))
+    return words
+
+
+def _entry_words(steps: list[str], name_at: int, nodes: Any) -> list[str]:
+    """Words of a number from its name on, of an entry of a list with the place in it."""
+    words = [_word(steps[name_at])]
+    for step in steps[name_at + 1 :]:
+        words.append(str(int(step) + 1))
+    if len(words) > 1:
         index = int(steps[-1])
         if "law" in steps and index < len(_DIRECTIONS):
-            entry[-1] = _DIRECTIONS[index]
+            words[-1] = _DIRECTIONS[index]
         elif isinstance(nodes, tuple) and index < len(nodes):
-            entry[-1] = f"at node {_node(nodes[index])}"
-    return " of ".join(" ".join(words) for words in (entry, part) if words)
+            words[-1] = f"at node {_node(nodes[index])}"
+    return words
 
 
 def _word(step: str) -> str:

@@ -122,7 +122,10 @@ def _row(state: SteadyState, full: float) -> dict[str, Any]:
         throws = sheet.throws
         ends = sheet.ends
     # An end whose valves are held open has no discharge, and so no temperature of it.
-    warm = [end["discharge_temperature"] for end in ends if end["volumetric_efficiency"] > 1e-6]
+    warm = []
+    for end in ends:
+        if end["volumetric_efficiency"] > 1e-6:
+            warm.append(end["discharge_temperature"])
     flow = float(quantities["mass_flow"])
     return {
         "mass_flow": flow,

@@ -97,7 +97,9 @@ def optimise(
     points = space(problem, goal.ranges, count_of_samples, seed, start_designs)
     search = Search(goal.problem, points, batch, max_steps, tolerance, callback, keep)
     goal, sample = search.sampled(goal)
-    begin = sample.starts(count) if start_designs is None else start_designs
+    begin = start_designs
+    if begin is None:
+        begin = sample.starts(count)
     descents = search.descents([(goal, start) for start in begin], search_method)
     ends = [descent.best for descent in descents]
     solvable = any(end.ok for end in ends)  # starts that were given may all fail
@@ -178,7 +180,8 @@ class Search:
         for first in range(0, len(points), at_once):
             parts.append(self.solved(points[first : first + at_once], batch))
             self.report("sample", min(first + at_once, len(points)), len(points))
-        self.solutions = Solved(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        self.solutions = Solved(*columns)
         if not np.any(self.solutions.ok):
             details = f"none of {len(points)} designs could be solved"
             raise SolveFailed(Status.not_converged, details)
@@ -198,16 +201,22 @@ class Search:
         # A quantity that does not change over the sample has no scale but its size.
         scale = np.where(spread <= 1e-12 * size, np.where(size > 0, size, 1.0), spread)
         goal = dataclasses.replace(goal, scale=scale, tolerance=self.tolerance)
-        rows = zip(self.points, *self.solutions, strict=True)
-        designs = [Point(goal, *row) for row in rows]
-        feasible = np.array([design.feasible for design in designs])
+        designs = []
+        objectives = []
+        keeps_constraints = []
+        for row in zip(self.points, *self.solutions, strict=True):
+            design = Point(goal, *row)
+            designs.append(design)
+            objectives.append(design.objective)
+            keeps_constraints.append(design.feasible)
+        feasible = np.array(keeps_constraints)
         best = None
         if feasible.any():
             best = int(np.argmin(np.where(feasible, [design.f for design in designs], np.inf)))
         sample = Sample(
             values=self.points,
             quantities=values,
-            objective=np.array([design.objective for design in designs]),
+            objective=np.array(objectives),
             ok=ok,
             feasible=feasible,
             best=best,

@@ -188,6 +188,9 @@ class Optimum(Result):
         constraints = []
         for constraint in self.constraints:
             constraints.append(constraint._asdict() | {"unit": units[constraint.name]})
+        best_of_sample = None
+        if sample.best is not None:
+            best_of_sample = sample.objective[sample.best]
         return {
             "variables": records(
                 name=names,
@@ -213,7 +216,7 @@ class Optimum(Result):
                 "count": len(sample.ok),
                 "solved": sample.ok.sum(),
                 "feasible": sample.feasible.sum(),
-                "best_objective": None if sample.best is None else sample.objective[sample.best],
+                "best_objective": best_of_sample,
             },
         }
 
@@ -294,6 +297,13 @@ def _start(descent: Descent, best: Point) -> Start:
     end = descent.best
     path = descent.path
     ranges = descent.goal.ranges
+    shares = []
+    objectives = []
+    slopes = []
+    for point in path:
+        shares.append(point.share)
+        objectives.append(point.objective)
+        slopes.append(point.stationarity)
     return Start(
         start=descent.start,
         values=ranges.values(end.share),
@@ -303,9 +313,9 @@ def _start(descent: Descent, best: Point) -> Start:
         status=descent.status,
         steps=len(descent.points),
         agrees=bool(np.max(np.abs(end.share - best.share)) <= 1e-3),
-        path=ranges.values(np.stack([point.share for point in path])),
-        objectives=np.array([point.objective for point in path]),
-        slopes=np.array([point.stationarity for point in path]),
+        path=ranges.values(np.stack(shares)),
+        objectives=np.array(objectives),
+        slopes=np.array(slopes),
         solved=np.array([point.ok for point in descent.points]),
     )
 
@@ -331,7 +341,9 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
     for number, limit in enumerate(end.goal.limits):
         over = float(end.limits.values[number])
         scale = float(end.goal.scale[limit.place])
-        violation = over if limit.side else abs(over)
+        violation = over
+        if not limit.side:
+            violation = abs(over)
         if violation <= 10 * FEASIBLE:
             violation = 0.0
         out.append(

@@ -150,7 +150,8 @@ def pareto(
     places = [goal.objective for goal in goals]
     signs = np.array([goal.sign for goal in goals])
     scale = goals[0].scale[places]
-    first, second = (descent.best.values[places[1]] for descent in front)
+    first = front[0].best.values[places[1]]
+    second = front[1].best.values[places[1]]
     if abs(first - second) > BETTER * scale[1]:
         between = search.descents(_between(ends, front, points), method)
         evaluations += sum(len(descent.points) for descent in between)
@@ -160,7 +161,16 @@ def pareto(
         front = front[:1]
     # from the best of the first objective to the best of the second
     front.sort(key=lambda descent: -signs[1] * descent.best.values[places[1]])
-    reached = np.array([descent.best.values[places] for descent in front])
+    values = []
+    objective_values = []
+    exchange = []
+    status = []
+    for descent in front:
+        values.append(ranges.values(descent.best.share))
+        objective_values.append(descent.best.values[places])
+        exchange.append(_exchange(descent, goals))
+        status.append(descent.status)
+    reached = np.array(objective_values)
     present = np.full(2, np.nan)
     current = search.solved(problem.current[None])
     if current.ok[0]:
@@ -170,13 +180,13 @@ def pareto(
     beats = np.all((signs * sample / scale)[:, None] < shown - BETTER, axis=-1)
     return ParetoFront(
         names=(goals[0].name, goals[1].name),
-        units=tuple(problem.units[place] for place in places),
+        units=(problem.units[places[0]], problem.units[places[1]]),
         maximised=(goals[0].sign < 0, goals[1].sign < 0),
         variables=problem.variable_names,
-        values=np.array([ranges.values(descent.best.share) for descent in front]),
+        values=np.array(values),
         objectives=reached,
-        exchange=np.array([_exchange(descent, goals) for descent in front]),
-        status=tuple(descent.status for descent in front),
+        exchange=np.array(exchange),
+        status=tuple(status),
         dominated=dominated(shown, BETTER),
         present=present,
         sample=sample,
@@ -212,7 +222,8 @@ def _ends(
     ends = []
     front = []
     for goal, sample in map(search.sampled, goals):
-        descents = search.descents([(goal, start) for start in sample.starts(starts)], method)
+        begin = [(goal, start) for start in sample.starts(starts)]
+        descents = search.descents(begin, method)
         ends.append(optimum_of(goal, sample, descents))
         front.append(min(descents, key=lambda descent: descent.best.rank))
         if not ends[-1].feasible:
@@ -234,7 +245,8 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
         name = other.name
         place = other.objective
         sign = other.sign
-        first, second = (descent.best.values[place] for descent in front)
+        first = front[0].best.values[place]
+        second = front[1].best.values[place]
         for level in np.linspace(first, second, count + 2)[1:-1]:
             limit = Limit(name=name, place=place, side=sign, bound=float(level))
             goal = dataclasses.replace(main, limits=(*main.limits, limit))

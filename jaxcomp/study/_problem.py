@@ -27,7 +27,7 @@ from ..machine import HasMachine, Machine, assembled, machine_of
 from ._analysis import DesignResult, quantity_named
 from ._analysis_options import AnalysisOptions, checked_options
 from ._rotor_response import by_crank, known_response
-from ._variables import Variable, by_name, changed
+from ._variables import Variable, by_name, changed, current_values
 from ._variables import variable as find_variable
 
 RequestedQuantity = str | Callable[[DesignResult], Float[Array, ""]]
@@ -64,6 +64,20 @@ def value_of(quantity: RequestedQuantity, result: DesignResult) -> Float[Array, 
     if missing := registered.missing(result.design):
         raise MissingPart(registered.name, missing)
     return registered.value(result)
+
+
+def values_of(
+    quantities: Sequence[RequestedQuantity], result: DesignResult
+) -> Float[Array, " quantities"]:
+    """[SI] Quantities of a design, in their order.
+
+    Raises:
+        BadInput: as `value_of`.
+    """
+    values = []
+    for quantity in quantities:
+        values.append(jnp.asarray(value_of(quantity, result), float))
+    return jnp.stack(values)
 
 
 class Answer(NamedTuple):
@@ -143,7 +157,7 @@ class Problem(eqx.Module):
     @property
     def current(self) -> Float[Array, " variables"]:
         """[SI] The variables as the design stands."""
-        return jnp.stack([jnp.asarray(v.current(self.design), float) for v in self.variables])
+        return current_values(self.design, self.variables)
 
     def designed(self, values: Float[Array, " variables"]) -> Machine:
         """The design with these values [SI] of the variables, set in their order."""
@@ -214,7 +228,9 @@ def problem(
         raise BadInput("variables", "absent", bound)
     listed_names("variables", variables)
     listed_names("quantities", quantities)
-    ranges = variables if isinstance(variables, dict) else dict.fromkeys(variables, (None, None))
+    ranges = dict.fromkeys(variables, (None, None))
+    if isinstance(variables, dict):
+        ranges = variables
     if not quantities:
         raise BadInput(
             "quantities", "none", 'at least one, in a list such as ["mechanical_efficiency"]'
@@ -222,10 +238,10 @@ def problem(
     for name, ends in ranges.items():
         if isinstance(ends, str) or np.shape(ends) != (2,):
             raise BadInput(name, f"{ends}", "a pair of ends in SI units, (low, high)")
-    free_variables = tuple(
-        find_variable(design, name, *ends) for name, ends in by_name(design, ranges).items()
-    )
-    complete = Problem(design, free_variables, tuple(quantities), checked_options(options))
+    free_variables = []
+    for name, ends in by_name(design, ranges).items():
+        free_variables.append(find_variable(design, name, *ends))
+    complete = Problem(design, tuple(free_variables), tuple(quantities), checked_options(options))
     # Refuses what the scene does not have before anything is compiled.
     eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(free_variables),), float))
     return complete
@@ -357,11 +373,13 @@ def _in_batches(problem: Problem, rows, batch: int) -> list[Array]:
     """Values, whether they hold, slopes and events without room of designs, in one size."""
     parts = []
     # what `of_each` takes in turns is not filled up
-    batch = 1 if solves_gas(problem) else batch
+    if solves_gas(problem):
+        batch = 1
     for first in range(0, len(rows), batch):
         group = rows[first : first + batch]
         filled = np.concatenate([group, np.repeat(group[-1:], batch - len(group), 0)])
-        parts.append([a[: len(group)] for a in _answers(problem, jnp.asarray(filled))])
+        answers = _answers(problem, jnp.asarray(filled))
+        parts.append([column[: len(group)] for column in answers])
     return [jnp.concatenate(column) for column in zip(*parts, strict=True)]
 
 

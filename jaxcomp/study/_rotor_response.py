@@ -98,7 +98,9 @@ def known_vibration(
     machine: Assembly, options: AnalysisOptions, unit_response: KnownResponse
 ) -> Vibration:
     """Vibration of a machine whose rotor and fixed forces are those of `known_response`."""
-    loads = machine.unbalances if by_crank(machine, options) else machine.given_loads
+    loads = machine.given_loads
+    if by_crank(machine, options):
+        loads = machine.unbalances
 
     def at(speed):
         forces = [load_vector(machine.rotor, loads, n, speed) for n in options.orders]
@@ -140,8 +142,13 @@ def known_response(design: Machine, options: AnalysisOptions) -> KnownResponse:
     names = [plane.node for plane in places.planes]
     for table in case.unbalances:
         names += table.nodes
-    for force in () if crank_shakes else case.forces:
-        names += [node for node in (force.node, force.reaction) if node is not None]
+    forces = case.forces
+    if crank_shakes:
+        forces = ()
+    for force in forces:
+        for name in (force.node, force.reaction):
+            if name is not None:
+                names.append(name)
     nodes = tuple(sorted({node_index(rotor, name) for name in names}))
     units = np.zeros((len(nodes), rotor.dof, len(node_names(rotor)), rotor.dof))
     for row, node in enumerate(nodes):
@@ -175,7 +182,8 @@ def _read(model, places, response) -> Reading:
         x = response.displacement[..., node_index(model, target.node), :]
         if target.relative_to is not None:
             x = x - response.displacement[..., node_index(model, target.relative_to), :]
-        rows += [x[..., AXES[model.dof].index(axis)] for axis in target.axes]
+        for axis in target.axes:
+            rows.append(x[..., AXES[model.dof].index(axis)])
     grounded = np.flatnonzero([None in link.nodes for link in model.links])
     force = transmitted_forces(model, response)[..., grounded, :2]
     return Reading(jnp.stack(rows, -1), force)

@@ -133,7 +133,8 @@ def _with_unbalances(machine: _Machine, share: Float[Array, ""]) -> _Machine:
     def magnitudes(machine):
         return [table.magnitude for table in machine.parts["loads"].unbalances]
 
-    return eqx.tree_at(magnitudes, scaled, [size * share for size in magnitudes(scaled)])
+    scaled_magnitudes = [size * share for size in magnitudes(scaled)]
+    return eqx.tree_at(magnitudes, scaled, scaled_magnitudes)
 
 
 def _scaled(part, names: tuple[str, ...], factor: Float[Array, ""]):
@@ -311,12 +312,13 @@ def _link_with_bore(mechanism: SliderLink, bore, scale) -> SliderLink:
 
 
 def _compressor(machine: Machine | Compressor) -> Compressor:
-    if not isinstance(machine, Machine | Compressor):
+    if isinstance(machine, Compressor):
+        return machine
+    if not isinstance(machine, Machine):
         raise no_machine(machine, ".machine")
-    compressor = machine.compressor if isinstance(machine, Machine) else machine
-    if compressor is None:
+    if machine.compressor is None:
         raise BadInput("compressor", "absent", "given, for this design rule")
-    return compressor
+    return machine.compressor
 
 
 def _with_compressor(machine: _Machine, **changes) -> _Machine:

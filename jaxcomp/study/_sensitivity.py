@@ -30,7 +30,7 @@ from ._problem import (
     name_of,
     solver_of,
     unit_of,
-    value_of,
+    values_of,
     with_solver,
 )
 from ._variables import GivenNumber, given_numbers
@@ -84,9 +84,10 @@ class Sensitivity(Result):
         NaN where there is none: the number or the quantity is zero, or the number is an angle or a
         temperature, whose zero means nothing.
         """
-        pairs = zip(self.numbers, self.units, strict=True)
-        levels = np.array([unit == "rad" or is_temperature(name, unit) for name, unit in pairs])
-        none = (self.present == 0) | levels | (self.value == 0)[:, None]
+        levels = []
+        for name, unit in zip(self.numbers, self.units, strict=True):
+            levels.append(unit == "rad" or is_temperature(name, unit))
+        none = (self.present == 0) | np.array(levels) | (self.value == 0)[:, None]
         value = np.where(none, np.nan, self.value[:, None])
         return self.derivative * self.present / value
 
@@ -111,12 +112,15 @@ class Sensitivity(Result):
         """Every quantity with the numbers that it depends on, the largest influence first."""
 
         def number(influence):
+            elasticity = None
+            if influence.relative:
+                elasticity = influence.elasticity
             entry = {
                 "name": influence.number,
                 "words": influence.part,
                 "unit": influence.unit,
                 "value": influence.present,
-                "elasticity": influence.elasticity if influence.relative else None,
+                "elasticity": elasticity,
                 "derivative": influence.derivative,
             }
             if self.derivative_error is not None:
@@ -377,8 +381,7 @@ def _solved(problem: Problem) -> _Solution:
 
     def values(moving):
         result = DesignResult(eqx.combine(moving, fixed), problem.options)
-        each = [jnp.asarray(value_of(name, result), float) for name in problem.quantities]
-        out = jnp.stack(each)
+        out = values_of(problem.quantities, result)
         ok = result.ok & jnp.all(jnp.isfinite(out))
         return out, (out, ok, result.events_without_room)
 

@@ -109,7 +109,9 @@ class SteadyState(Result):
     @classmethod
     def units_of_nested(cls) -> Table:
         """The unit of every number of `nested`, of the registered quantities as well."""
-        units = {quantity.family or quantity.name: quantity.unit for quantity in registered()}
+        units = {}
+        for quantity in registered():
+            units[quantity.family or quantity.name] = quantity.unit
         return units | super().units_of_nested()
 
     def described(self) -> Iterator[Data]:
@@ -120,12 +122,21 @@ class SteadyState(Result):
         """
         units = self.units_of_nested()
         for name, value in {**self.quantities, **self.numbers}.items():
-            members = value
-            if not isinstance(value, dict):
-                members = {"": value}
-            for member, number in members.items():
-                yield Data(f"{name}.{member}" if member else name, str(units[name]), number)
-        yield from (entry for entry in self.orbit.described() if entry.dims)
+            if isinstance(value, dict):
+                for member, number in value.items():
+                    yield Data(f"{name}.{member}", str(units[name]), number)
+            else:
+                yield Data(name, str(units[name]), value)
+        for entry in self.orbit.described():
+            if entry.dims:
+                yield entry
+        yield from self._film_curves()
+        yield from self._crank_end_curves()
+        if self.api_618 is not None:
+            yield from self.api_618.curves()
+
+    def _film_curves(self) -> Iterator[Data]:
+        """Thickness of all films, and the state of those of the journals."""
         at = self.table_dims
         compressor = self.compressor
         for name, thickness in film_thickness(compressor, self.orbit).items():
@@ -137,13 +148,18 @@ class SteadyState(Result):
             yield Data(f"film_flow.{name}", "m^3/s", film.flow, at)
             for loss in ("shear_loss", "squeeze_loss", "contact_loss"):
                 yield Data(f"{loss}.{name}", "W", getattr(film, loss), at)
-        behind = crank_end_pressure(self.orbit.under_gas(compressor), self.orbit.state.angle)
-        if behind is not None:
-            for number, pressure in enumerate(behind, 1):
-                suffix = f".{number}" if len(behind) > 1 else ""
-                yield Data(f"crank_end_pressure{suffix}", "Pa", pressure, at)
-        if self.api_618 is not None:
-            yield from self.api_618.curves()
+
+    def _crank_end_curves(self) -> Iterator[Data]:
+        """Pressures behind double-acting pistons, of several by their numbers."""
+        gas = self.orbit.under_gas(self.compressor)
+        behind = crank_end_pressure(gas, self.orbit.state.angle)
+        if behind is None:
+            return
+        for number, pressure in enumerate(behind, 1):
+            suffix = ""
+            if len(behind) > 1:
+                suffix = f".{number}"
+            yield Data(f"crank_end_pressure{suffix}", "Pa", pressure, self.table_dims)
 
     def nested(self) -> dict[str, Any]:
         """Quantities, works and losses, residuals, films, remarks; what the machine has."""
@@ -154,6 +170,12 @@ class SteadyState(Result):
         moved = None
         if self.moved_films is not None:
             moved = {name: _film_summary(film) for name, film in self.moved_films.items()}
+        quantities = {}
+        for name, value in self.quantities.items():
+            quantities[_KEYS.get(name, name)] = value
+        shares = dict.fromkeys(losses, 0.0)
+        if total:
+            shares = {name: loss / total for name, loss in losses.items()}
         parts = {
             "film_law": self.films or None,
             "rod_load_reversal": self.rod_load_reversal or None,
@@ -164,17 +186,18 @@ class SteadyState(Result):
             "api_618": self.api_618,
             "load_steps": self.load_steps,
         }
+        parts_of_machine = {name: part for name, part in parts.items() if part is not None}
         return {
-            **{_KEYS.get(name, name): value for name, value in self.quantities.items()},
+            **quantities,
             **self.numbers,
             "loss_power": {name: loss / period for name, loss in losses.items()},
-            "loss_share": {name: loss / total if total else 0.0 for name, loss in losses.items()},
+            "loss_share": shares,
             "iterations": int(orbit.iterations),
             "converged": bool(orbit.converged),
             "status": Status[orbit.status],
             "solver": orbit.solver,
             "remarks": list(self.remarks),
-            **{name: part for name, part in parts.items() if part is not None},
+            **parts_of_machine,
         }
 
 
@@ -209,7 +232,8 @@ def steady_state(
     compressor = assembly.compressor
     if compressor is None:
         raise BadInput("machine", "without a crank", "one with a mechanism")
-    orbit = solve_orbit(compressor, solver, verify=verify) if orbit is None else orbit
+    if orbit is None:
+        orbit = solve_orbit(compressor, solver, verify=verify)
     offered = crank_quantities(design)
     values, numbers, forces = jax.device_get(_numbers(design, assembly, orbit, offered))
     values = jax.tree.map(float, values)
@@ -231,7 +255,16 @@ def steady_state(
         *_remarks_on_pipes(orbit.cycle),
         *_remarks_on_range(orbit.cycle),
     )
+    moved = None
+    if moving_films:
+        moved = moved_films(compressor, orbit)
     train: Any = design.parts.get("torsion")
+    torsion = None
+    if train is not None:
+        torsion = train_torques(compressor, orbit, train)
+    sheet = None
+    if forces is not None:
+        sheet = process_sheet(compressor, orbit, forces)
     return SteadyState(
         machine=design,
         compressor=compressor,
@@ -241,10 +274,10 @@ def steady_state(
         films=_film_laws(compressor, orbit),
         rod_load_reversal=rods,
         remarks=remarks,
-        moved_films=moved_films(compressor, orbit) if moving_films else None,
+        moved_films=moved,
         vibration=_vibration(compressor, orbit, design.parts.get("suspension")),
-        torsion=None if train is None else train_torques(compressor, orbit, train),
-        api_618=None if forces is None else process_sheet(compressor, orbit, forces),
+        torsion=torsion,
+        api_618=sheet,
     )
 
 
@@ -268,11 +301,11 @@ def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockV
 def crank_quantities(machine: Machine) -> tuple[Quantity, ...]:
     """The quantities of the periodic state of crank and gas that a machine has."""
     rotor = {"vibration", "rotor", "balancing"}
-    return tuple(
-        quantity
-        for quantity in registered()
-        if rotor.isdisjoint(quantity.needs) and not quantity.missing(machine)
-    )
+    suiting = []
+    for quantity in registered():
+        if rotor.isdisjoint(quantity.needs) and not quantity.missing(machine):
+            suiting.append(quantity)
+    return tuple(suiting)
 
 
 @kept_jit

@@ -86,13 +86,17 @@ class Variable(NamedTuple):
         if _fraction(design, self.name) is not None:
             return changed(design, [self], [value])
         steps = _steps(self.name)
-        entry = steps[-1].isdigit() and eqx.is_array(walk(design, steps[:-1]))
-        place = steps[:-1] if entry else steps
+        place = steps
+        is_entry = steps[-1].isdigit() and eqx.is_array(walk(design, steps[:-1]))
+        if is_entry:
+            place = steps[:-1]
         old = walk(design, place)
-        if entry:
+        if is_entry:
             new = old.at[int(steps[-1])].set(value)
+        elif jnp.ndim(old) == 0:
+            new = jnp.asarray(value, float)
         else:
-            new = jnp.asarray(value, float) if jnp.ndim(old) == 0 else old * value
+            new = old * value
         return eqx.tree_at(lambda d: walk(d, place), design, new)
 
 
@@ -135,6 +139,19 @@ def changed(
         fluid = walk(design, place).with_fractions(kinds[place], fractions)
         design = _with_part(design, place, fluid)
     return design
+
+
+def current_values(design: Machine, variables: Sequence[Variable]) -> Float[Array, " variables"]:
+    """[SI] Values of some variables in a design.
+
+    Args:
+        design: the design.
+        variables: in the order of their values.
+    """
+    values = []
+    for variable in variables:
+        values.append(jnp.asarray(variable.current(design), float))
+    return jnp.stack(values)
 
 
 def _with_part(design: Machine, place: Sequence[str], part: Part) -> Machine:
@@ -197,10 +214,12 @@ def variable_names(design: Machine) -> list[str]:
             continue
         names.append(name)
     for path, tree in _roots(design).items():
-        names += [f"{path}{name}" for name in _numbers(tree)]
+        for number in _numbers(tree):
+            names.append(f"{path}{number}")
     names = [name for name in names if not _follows(design, name)]
     for plane in design.corrections:
-        names += [f"{CORRECTIONS}.{plane}.{axis}" for axis in ("x", "y", *_POLAR)]
+        for axis in ("x", "y", *_POLAR):
+            names.append(f"{CORRECTIONS}.{plane}.{axis}")
     return names
 
 
@@ -218,8 +237,11 @@ def matching(design: Machine, path: str) -> list[str]:
         return [path]
     matches = []
     for name in variable_names(design):
-        entries = [f"{name}.{n}" for n in range(list_length(design, name))]
-        fitting = [entry for entry in entries if fnmatchcase(entry, path)]
+        fitting = []
+        for number in range(list_length(design, name)):
+            entry = f"{name}.{number}"
+            if fnmatchcase(entry, path):
+                fitting.append(entry)
         if not fitting and fnmatchcase(name, path):
             fitting = [name]
         matches += fitting
@@ -246,7 +268,9 @@ def list_length(design: Machine, name: str) -> int:
     if name in design_rules or name.startswith(f"{CORRECTIONS}.") or is_fraction(design, name):
         return 0
     value = walk(design, name.split("."))
-    return len(value) if jnp.ndim(value) else 0
+    if jnp.ndim(value) == 0:
+        return 0
+    return len(value)
 
 
 _FRACTIONS = ("mass_fractions", "mole_fractions")
@@ -300,8 +324,10 @@ def is_fraction(design: Machine, name: str) -> bool:
 
 def _follows(design: Machine, name: str) -> bool:
     section, *path = name.split(".")
+    fields = path[:1]
     # of a throw what stands behind "throws" and its number
-    fields = path[2:] if path[:1] == ["throws"] else path[:1]
+    if fields == ["throws"]:
+        fields = path[2:]
     if section != "crankshaft" or {*OF_ROTOR, "position"}.isdisjoint(fields):
         return False
     return follows_rotor(design)
@@ -328,13 +354,14 @@ def _polar_of(xy: Float[Array, "2"]) -> tuple[Float[Array, ""], Float[Array, ""]
 
 def _numbers(tree: Part | tuple) -> Iterator[str]:
     """Paths of all numbers in a part, in the order of its fields."""
+    if isinstance(tree, Mixture):
+        for component in tree.components or ():
+            yield f"{_FRACTIONS[0]}.{component}"
+        return
     if isinstance(tree, tuple):
         children = enumerate(tree)
     else:
-        children = ((f.name, getattr(tree, f.name)) for f in dataclasses.fields(tree))
-    if isinstance(tree, Mixture):
-        yield from (f"{_FRACTIONS[0]}.{component}" for component in tree.components or ())
-        return
+        children = [(field.name, getattr(tree, field.name)) for field in dataclasses.fields(tree)]
     for name, child in children:
         if eqx.is_array(child):
             yield str(name)
@@ -343,7 +370,8 @@ def _numbers(tree: Part | tuple) -> Iterator[str]:
         if not isinstance(child, tuple):
             parts = (child,)
         if any(isinstance(part, Part) for part in parts):
-            yield from (f"{name}.{path}" for path in _numbers(child))
+            for path in _numbers(child):
+                yield f"{name}.{path}"
 
 
 def _roots(design):
@@ -351,8 +379,11 @@ def _roots(design):
     if design.compressor is not None:
         out = {"": design.compressor}
     for section in _NAMED:
-        out |= {f"{section}.{name}.": part for name, part in getattr(design, section).items()}
-    return out | {f"{name}.": part for name, part in design.parts.items()}
+        for name, part in getattr(design, section).items():
+            out[f"{section}.{name}."] = part
+    for name, part in design.parts.items():
+        out[f"{name}."] = part
+    return out
 
 
 def _steps(name: str) -> list[str]:

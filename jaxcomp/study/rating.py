@@ -166,10 +166,10 @@ class RatingMap(Result, eqx.Module):
     def polynomial_error(self) -> dict[str, Float[Array, "n m"]]:
         """Polynomial less value at every point, by name in SI units."""
         terms = polynomial_terms(self.evaporating[:, None], self.condensing[None, :])
-        return {
-            name: jnp.asarray(terms @ row) - self.values[name]
-            for name, row in self.coefficients.items()
-        }
+        errors = {}
+        for name, row in self.coefficients.items():
+            errors[name] = jnp.asarray(terms @ row) - self.values[name]
+        return errors
 
     @property
     def worst_point(self) -> dict[str, tuple[float, float]]:
@@ -265,7 +265,9 @@ def rating_map(
         compressor = at_rating(machine, points[0][0], points[1][0], rating)
     columns, ok = _in_all_sizes(compressor, rating, options, solver, *points)
     ok = ok.reshape(shape)
-    values = {name: np.where(ok, columns[name].reshape(shape), np.nan) for name, *_ in QUANTITIES}
+    values = {}
+    for name, *_ in QUANTITIES:
+        values[name] = np.where(ok, columns[name].reshape(shape), np.nan)
     coefficients = {}
     errors = {}
     terms = polynomial_terms(S[:, None], D[None, :])[ok]
@@ -473,8 +475,9 @@ def _at_point(compressor: Compressor, plain: Collocation, solver=None):
         "cop": result.cop,
         "overall_efficiency": result.overall_efficiency,
     }
-    cycle_names = (name for name, *_ in QUANTITIES if name not in values)
-    values |= {name: getattr(cycle, name) for name in cycle_names}
+    for name, *_ in QUANTITIES:
+        if name not in values:
+            values[name] = getattr(cycle, name)
     finite = jnp.all(jnp.isfinite(jnp.stack([*values.values()])))
     ok = cycle.converged & orbit.converged & finite
     return values, ok, events_without_room(of_each(orbit.cycle), orbit.status)

@@ -45,17 +45,15 @@ class StudyKind(NamedTuple):
     verified: bool = False
 
 
-STUDIES = {
-    kind.name: kind
-    for kind in (
-        StudyKind("orbit", orbit_study, needs="crank", verified=True),
-        StudyKind("quantities", quantities_study, "all", "", needs="crank", verified=True),
-        StudyKind("gradient", gradient_study, varies=True, verified=True),
-        StudyKind("response", response_study, "displacement", "m", needs="rotor"),
-        StudyKind("film", film_study, "friction_number"),
-        StudyKind("cycle", cycle_study, "all", "", needs="crank"),
-    )
-}
+_KINDS = (
+    StudyKind("orbit", orbit_study, needs="crank", verified=True),
+    StudyKind("quantities", quantities_study, "all", "", needs="crank", verified=True),
+    StudyKind("gradient", gradient_study, varies=True, verified=True),
+    StudyKind("response", response_study, "displacement", "m", needs="rotor"),
+    StudyKind("film", film_study, "friction_number"),
+    StudyKind("cycle", cycle_study, "all", "", needs="crank"),
+)
+STUDIES = {kind.name: kind for kind in _KINDS}
 
 
 def accuracy(
@@ -106,9 +104,7 @@ def accuracy(
     if kind.unit is not None and name != kind.quantity:
         raise BadInput("quantity", name, f"'{kind.quantity}' for the study '{kind.name}'")
     of_film = kind.name in ("film", "gradient") and name in FILM_QUANTITIES
-    unit = kind.unit
-    if unit is None:
-        unit = "" if of_film else quantity_named(name).unit
+    unit = _unit(kind, name, of_film)
     if variable is not None and (not kind.varies or of_film):
         raise BadInput("variable", variable, f"absent for the study '{kind.name}' of {name}")
     if excitation is None:
@@ -135,6 +131,9 @@ def accuracy(
         rows.append(measured(setting, reference))
         if keep is not None:
             keep(rows)
+    march = {}
+    if verified:
+        march = _verification(question)
     report = Report(
         study=kind.name,
         scene=getattr(scene, "name", "design"),
@@ -143,11 +142,20 @@ def accuracy(
         reference=reference,
         rows=tuple(rows),
         note=plan.note,
-        march=_verification(question) if verified else {},
+        march=march,
         calls=calls,
         error=error,
     )
     return replace(report, **plan.findings(rows, reference))
+
+
+def _unit(kind: StudyKind, quantity_name: str, of_film: bool) -> str:
+    """SI unit of the quantity of which the errors are."""
+    if kind.unit is not None:
+        return kind.unit
+    if of_film:
+        return ""
+    return quantity_named(quantity_name).unit
 
 
 def _check_parts(question: Question, kind: StudyKind) -> None:

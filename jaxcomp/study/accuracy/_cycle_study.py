@@ -143,7 +143,9 @@ def figures(machine: Any, options: CycleOptions, logs: jax.Array) -> Solved:
     compressor: Any = design.compressor
     speed = compressor.motor.speed_guess
     cycle = solve_cycle(compressor.gas, compressor.mechanism, speed, options, throw=False)
-    count = cycle.passes if options.method == "march" else cycle.iterations
+    count = cycle.iterations
+    if options.method == "march":
+        count = cycle.passes
     value = jnp.stack([cycle.indicated_work, cycle.volumetric_efficiency])
     return Solved(value=value, iterations=count, ok=cycle.converged, status=cycle.status)
 
@@ -179,7 +181,9 @@ class _March:
 
     def call(self, tolerance: float, logs: Any = None) -> Call:
         """Values at a tolerance."""
-        logs = unchanged(self._machine) if logs is None else jnp.asarray(logs)
+        if logs is None:
+            logs = unchanged(self._machine)
+        logs = jnp.asarray(logs)
         options = CycleOptions(**_LONG_MARCH, value_tolerance=jnp.asarray(tolerance))
         return self._figures.call(self._machine, options, logs)
 
@@ -188,21 +192,24 @@ class _March:
         columns = []
         passes = 0
         for shift in step * np.eye(len(variables(self._machine))):
-            ends = [self.call(tolerance, logs).run() for logs in (shift, -shift)]
-            for end in ends:
+            ahead = self.call(tolerance, shift).run()
+            behind = self.call(tolerance, -shift).run()
+            for end in (ahead, behind):
                 if end.why:
                     return end
                 passes += int(end.iterations)
             # In logarithms, as are the variables: a slope is an elasticity.
-            columns.append((np.log(ends[0].value) - np.log(ends[1].value)) / (2 * step))
+            columns.append((np.log(ahead.value) - np.log(behind.value)) / (2 * step))
         return Solved(np.stack(columns, axis=1), passes)
 
     def fourth_order(self, tolerance: float) -> Solved:
         """Elasticities for a reference, without the error of the second order."""
         near = self.differences(tolerance, _REFERENCE_STEP)
         far = self.differences(tolerance, 2 * _REFERENCE_STEP)
-        if near.why or far.why:
-            return near if near.why else far
+        if near.why:
+            return near
+        if far.why:
+            return far
         # The error of central differences goes with the square of the step, which this removes.
         return near._replace(value=(4 * near.value - far.value) / 3)
 

@@ -123,11 +123,16 @@ class Extremes(Result):
         for name in Extreme._fields:
             values = [getattr(case, name) for case in self.cases]
             words = name in ("family", "setting", "status")
-            column = np.array(values) if words else np.array(values, float)
+            column = np.array(values)
+            if not words:
+                column = np.array(values, float)
             doc = ""
             if name == "value":
                 doc = "efficiency, or of a response a displacement in m"
-            yield Data(name, "s" if name == "seconds" else "", column, self.table_dims, doc)
+            unit = ""
+            if name == "seconds":
+                unit = "s"
+            yield Data(name, unit, column, self.table_dims, doc)
 
 
 def extremes(
@@ -145,7 +150,9 @@ def extremes(
     Raises:
         BadInput: a family that does not exist.
     """
-    names = tuple(FAMILIES) if families is None else tuple(families)
+    if families is None:
+        families = FAMILIES
+    names = tuple(families)
     for name in names:
         if name not in FAMILIES:
             raise BadInput("family", name, f"one of {', '.join(FAMILIES)}")
@@ -183,7 +190,9 @@ class Family(NamedTuple):
 
     def machines(self, compressor: Compressor) -> Iterator[tuple[str, Compressor]]:
         """Setting and machine of each number."""
-        for number in self.numbers if self.has(compressor) else ():
+        if not self.has(compressor):
+            return
+        for number in self.numbers:
             changed = self.change(compressor, number)
             if changed is not None:
                 yield self.label.format(number), changed
@@ -282,13 +291,15 @@ def _cycle_solved(family: str, setting: str, compressor: Compressor) -> Extreme:
     status = Status[cycle.status]
     if bool(cycle.converged) and not bool(march.converged):
         status = "converged, but the march that verifies it did not end"
-    good = status == Status[Status.converged]
+    error = float("inf")
+    if status == Status[Status.converged]:
+        error = max(errors)
     return Extreme(
         family=family,
         setting=setting,
         status=status,
         value=float(cycle.volumetric_efficiency),
-        error=max(errors) if good else float("inf"),
+        error=error,
         speed_error=None,
         margin=None,
         iterations=int(cycle.iterations),
@@ -361,10 +372,18 @@ FAMILIES: dict[str, Family | None] = {
     # the rotor at a resonance
     "near-singular response": None,
 }
+
+
+def _families_with_valves() -> tuple[str, ...]:
+    names = []
+    for name, family in FAMILIES.items():
+        if family and family.solve is _cycle_solved:
+            names.append(name)
+    return tuple(names)
+
+
 # Families of cycles with valves.
-WITH_VALVES = tuple(
-    name for name, family in FAMILIES.items() if family and family.solve is _cycle_solved
-)
+WITH_VALVES = _families_with_valves()
 
 
 def _solved(family: str, setting: str, compressor: Compressor) -> Extreme:
@@ -411,7 +430,9 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
     sizes = _sizes(undamped, loads, speeds)
     inner = sizes[1:-1]
     peaks = np.flatnonzero((inner > sizes[:-2]) & (inner > sizes[2:])) + 1
-    highest = peaks[np.argmax(sizes[peaks])] if peaks.size else np.nanargmax(sizes)
+    highest = np.nanargmax(sizes)
+    if peaks.size:
+        highest = peaks[np.argmax(sizes[peaks])]
     worst = speeds[highest]
     width = speeds[1] - speeds[0]
     for _ in range(3):
@@ -440,10 +461,11 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
             continue
         value = float(max_of(jnp.abs(structured.displacement)))
         gap = float(max_of(jnp.abs(structured.displacement - dense.displacement))) / value
-        good = bool(jnp.all(structured.ok))
         status = "the response is not to be relied on"
-        if good:
+        error = float("inf")
+        if bool(jnp.all(structured.ok)):
             status = Status[Status.converged]
+            error = gap
         seconds = median_time(lambda model=model, at=at: respond(model, loads, at))
         setting = f"damping x {times:g}, {worst * 30 / np.pi:.1f} rpm"
         yield Extreme(
@@ -451,7 +473,7 @@ def _near_singular(name: str, assembly: Assembly) -> Iterator[Extreme]:
             setting=setting,
             status=status,
             value=value,
-            error=gap if good else float("inf"),
+            error=error,
             speed_error=None,
             margin=None,
             iterations=None,

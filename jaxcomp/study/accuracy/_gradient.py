@@ -72,7 +72,8 @@ def gradient_study(question: Question, thorough: bool) -> Study:
     name = f"d {question.quantity} / d {question.variable}"
     unit = quantity_named(question.quantity).unit
     below = derivative.variable.unit
-    unit = f"{unit or '1'}/{below}" if below else unit
+    if below:
+        unit = f"{unit or '1'}/{below}"
     return Study(derivative.reference, tuple(settings), note, name, unit)
 
 
@@ -90,7 +91,9 @@ class _Derivative:
         nominal = float(self.variable.current(question.design))
         self.size = abs(nominal) or 1.0  # what steps of the variable are relative to
         excitation = question.excitation
-        self.excited = "" if excitation is None else f", excitation '{excitation}'"
+        self.excited = ""
+        if excitation is not None:
+            self.excited = f", excitation '{excitation}'"
 
     def at(self, design, options, offset) -> Solved:
         """The quantity with the variable moved by an offset."""
@@ -132,7 +135,9 @@ class _Derivative:
         method = label.partition(" ")[0]
         settings = []
         for mode in modes:
-            name = f"{mode} mode, {method}" if method else f"{mode} mode"
+            name = f"{mode} mode"
+            if method:
+                name += f", {method}"
             call = partial(self.call, solver, tolerance, mode)
             settings.append(Setting(name, f"{label}{tail}", call))
         return settings

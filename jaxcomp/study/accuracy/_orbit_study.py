@@ -99,7 +99,8 @@ def orbit_study(question: Question, thorough: bool) -> Study:
     machine = question.crank
     moves = bool(orbiting_journals(machine))
     settings: list[Setting] = []
-    for located, counts in (_NODES if thorough else _ORDINARY_NODES).items():
+    nodes_by_location = _NODES if thorough else _ORDINARY_NODES
+    for located, counts in nodes_by_location.items():
         method = "collocation" if located else "collocation, reversals=0"
         for nodes in counts:
             solver = Collocation(nodes=nodes, reversals=question.load_reversals * located)
@@ -322,12 +323,15 @@ def quantities_study(question: Question, thorough: bool) -> Study:
         """By the fine solver, and by the second method; what cancels in a balanced machine is zero."""
         table = np.array([fine.value(FINE_TOLERANCE), other.value(tolerance)])
         families = np.array([name.partition(".")[0] for name in names])
-        largest = np.array([np.abs(table[0, families == family]).max() for family in families])
-        table[0, np.abs(table[0]) < _CANCELLED * largest] = 0.0
+        largest = []
+        for family in families:
+            largest.append(np.abs(table[0, families == family]).max())
+        table[0, np.abs(table[0]) < _CANCELLED * np.array(largest)] = 0.0
         return table
 
     def reference(place):
-        return Reference(*(row[place] for row in values()), (METHODS[0], second))
+        by_fine_solver, by_other_method = values()[:, place]
+        return Reference(by_fine_solver, by_other_method, (METHODS[0], second))
 
     @cache
     def once():

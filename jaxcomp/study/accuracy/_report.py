@@ -51,7 +51,9 @@ class Reference(NamedTuple):
 
     def error(self, value: Any) -> float:
         """[-] largest difference over the largest reference value; absolute where that is zero."""
-        rows = len(self.value) if self.each else 1
+        rows = 1
+        if self.each:
+            rows = len(self.value)
         size = np.max(np.abs(np.reshape(self.value, (rows, -1))), axis=1)
         gap = np.max(np.abs(np.reshape(value - self.value, (rows, -1))), axis=1)
         return float(np.max(gap / np.where(size > 0, size, 1.0)))
@@ -201,13 +203,16 @@ class Report(Result):
         cheapest = {}
         for error in self.reachable:
             cheapest[f"{error:g}"] = {name: self.seconds(error, name) for name in self.methods}
+        recommended_by_task = {}
+        for task in tasks:
+            recommended_by_task[task] = self.cheapest(self.error, task=task)
         return {
             **fields_of(
                 self, "study", "scene", "quantity", "unit", "march", "calls", "error", "rows"
             ),
             "reference": reference._asdict() | {"floor": reference.floor},
             "recommended": self.cheapest(self.error),
-            "recommended_by_task": {task: self.cheapest(self.error, task=task) for task in tasks},
+            "recommended_by_task": recommended_by_task,
             "cheapest": cheapest,
             "derivatives": check and check._asdict() | fields_of(check, "ratio", "holds"),
             "measured_on": self.measured_on,
@@ -262,10 +267,15 @@ class Report(Result):
             method: name of one; absent: all that may be recommended.
             task: that is solved; absent: any.
         """
-        bad = [r for r in self.rows if np.isfinite(r.error) and self.claimed(r) > error]
+        bad = []
+        for row in self.rows:
+            if np.isfinite(row.error) and self.claimed(row) > error:
+                bad.append(row)
 
         def counts(row: Measurement) -> bool:
-            eligible = row.candidate if method is None else row.method == method
+            eligible = row.candidate
+            if method is not None:
+                eligible = row.method == method
             if not eligible or (task is not None and row.task != task):
                 return False
             if not self.claimed(row) <= error:

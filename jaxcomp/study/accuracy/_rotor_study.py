@@ -65,7 +65,10 @@ class Place(NamedTuple):
     def models(self, name: str) -> list[type[films.AbstractFilm]]:
         """Film models for the bearing that give a number of `FILM_QUANTITIES`."""
         models = []
-        for model in _GROOVED if self.grooved else _PLAIN:
+        candidates = _PLAIN
+        if self.grooved:
+            candidates = _GROOVED
+        for model in candidates:
             shortest, longest = model.length_ratio_range
             # Stiffness and damping are those of a film that solves for its pressure.
             has_number = name == "friction_number" or issubclass(model, films.AbstractSolvedFilm)
@@ -84,6 +87,9 @@ def film_study(question: Question, thorough: bool) -> Study:
     """Models of the film and grids of the solver, for a number of the film."""
     name = question.quantity
     settings = []
+    counts = (2, 3)
+    if thorough:
+        counts = (2, 3, 4)
     for place in _places(question, thorough):
         solved = cache(place.solved)
 
@@ -94,7 +100,7 @@ def film_study(question: Question, thorough: bool) -> Study:
             return Reference(fine, coarse, ("finite volumes, 960 x 64 cells", "480 x 32 cells"))
 
         options: Any = {"reference": reference, "task": place.label}
-        for count in (2, 3, 4) if thorough else (2, 3):
+        for count in counts:
             if count == 2 and place.grooved:
                 continue  # the grooves are found one grid earlier
             setting = Setting(
@@ -125,15 +131,17 @@ def film_gradient_study(question: Question, thorough: bool) -> Study:
     solved = cache(place.solved)
 
     def slope(step):
-        eccentricities = (place.eccentricity + s * step for s in (-1, 1))
-        low, high = (place._replace(eccentricity=e).solved(4) for e in eccentricities)
+        low = place._replace(eccentricity=place.eccentricity - step).solved(4)
+        high = place._replace(eccentricity=place.eccentricity + step).solved(4)
         # Finite volumes solve at an eccentricity, and the load follows: one slope over the other.
         rise = np.asarray(getattr(high, name)) - np.asarray(getattr(low, name))
         return rise / (high.load_number - low.load_number)
 
     def reference():
         # two steps, each with its half: differences of fourth order
-        coarse, middle, fine = (slope(_STEP * share) for share in (1.0, 0.5, 0.25))
+        coarse = slope(_STEP)
+        middle = slope(_STEP * 0.5)
+        fine = slope(_STEP * 0.25)
         return Reference(
             value=(4 * fine - middle) / 3,
             other=(4 * middle - coarse) / 3,
@@ -228,7 +236,10 @@ def _places(question: Question, thorough: bool) -> tuple[Place, ...]:
     plain = Place("a plain bearing", length_ratio=0.5, eccentricity=0.65)
     usual = plain, plain._replace(label="grooves", grooved=True)
     places = film_places(question.design) or usual
-    return (*places, *(place for place in usual if thorough and place not in places))
+    if not thorough:
+        return places
+    further = [place for place in usual if place not in places]
+    return (*places, *further)
 
 
 def _grid_call(place: Place, name: str, count: int) -> Call:
@@ -271,7 +282,7 @@ def response_study(question: Question, thorough: bool) -> Study:
         # the same speeds again and again, so that their number alone is what differs
         speeds = jnp.asarray(np.resize(compared, count))
         run, program, _ = Compiled(partial(solve, solver)).call(model, loads, speeds)
-        return Call(lambda: run()[:_COMPARED] if count > _COMPARED else run(), program)
+        return Call(partial(_at_compared_speeds, run, count), program)
 
     def reference(count):
         value = exact()[:count]
@@ -282,16 +293,20 @@ def response_study(question: Question, thorough: bool) -> Study:
     of_one_speed = cache(partial(reference, 1))
     of_all_speeds = cache(partial(reference, _COMPARED))
     settings = []
+    counts = _COUNTS if thorough else _COUNTS[:3]
     for solver in ("structured", "dense"):
-        for count in _COUNTS if thorough else _COUNTS[:3]:
+        for count in counts:
             if solver == "dense" and count > 100:
                 continue
+            of_count = of_all_speeds
+            if count == 1:
+                of_count = of_one_speed
             setting = Setting(
                 method=solver,
                 label=f"{count} speeds",
                 prepare=partial(prepare, solver, count),
                 share=count,
-                reference=of_one_speed if count == 1 else of_all_speeds,
+                reference=of_count,
             )
             settings.append(setting)
     plain = Setting(
@@ -303,6 +318,14 @@ def response_study(question: Question, thorough: bool) -> Study:
     )
     note = "response at many speeds in one call, times are of one speed"
     return Study(of_all_speeds, (*settings, plain), note)
+
+
+def _at_compared_speeds(run: Callable[[], Any], count: int):
+    """Displacements at the compared speeds, of a call whose speeds are these again and again."""
+    displacement = run()
+    if count > _COMPARED:
+        return displacement[:_COMPARED]
+    return displacement
 
 
 def _direct(model, loads, speed: float, refined: bool):

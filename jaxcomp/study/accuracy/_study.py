@@ -284,11 +284,14 @@ def series(
     """
     settings = []
     for value in values:
+        tight = ()
+        if tightness is not None:
+            tight = (tightness(value),)
         setting = Setting(
             method=method,
             label=label.format(value),
             prepare=partial(call, value),
-            tightness=() if tightness is None else (tightness(value),),
+            tightness=tight,
             **options,
         )
         settings.append(setting)
@@ -359,9 +362,13 @@ class SolverProgram:
 def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ...]) -> Solved:
     """A quantity of a design by its solvers, or several."""
     result = DesignResult(design, options)
-    several = (names,) if isinstance(names, str) else names
-    values = [jnp.asarray(quantity_named(name).value(result), float) for name in several]
-    value = values[0] if isinstance(names, str) else jnp.stack(values)
+    if isinstance(names, str):
+        value = jnp.asarray(quantity_named(names).value(result), float)
+    else:
+        values = []
+        for name in names:
+            values.append(jnp.asarray(quantity_named(name).value(result), float))
+        value = jnp.stack(values)
     iterations = jnp.asarray(0)
     status = Status.converged
     if "orbit" in result.__dict__:
@@ -412,13 +419,21 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     solved = result
     if not isinstance(result, Solved):
         solved = Solved(result)
-    seconds = median_time(call.run) if call.seconds is None else call.seconds
-    # Where no program tells what it took to compile, the first call tells by how much it was longer.
+    seconds = call.seconds
+    if seconds is None:
+        seconds = median_time(call.run)
     program = call.program
+    # Where no program tells what it took to compile, the first call tells by how much it was longer.
+    compile_seconds = max(first - seconds, 0.0)
+    if program is not None:
+        compile_seconds = program.seconds
+    error = math.inf
+    if not solved.why:
+        error = reference.error(solved.value)
     row = row._replace(
-        error=math.inf if solved.why else reference.error(solved.value),
+        error=error,
         seconds=seconds / setting.share,
-        compile_seconds=max(first - seconds, 0.0) if program is None else program.seconds,
+        compile_seconds=compile_seconds,
         iterations=int(solved.iterations) or None,
         why=solved.why,
     )

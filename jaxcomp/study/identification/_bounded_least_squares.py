@@ -65,7 +65,9 @@ class Parameter(NamedTuple):
 
     def slope(self, value: float) -> float:
         """dp/dt at a value."""
-        return value if self.log else 1.0
+        if self.log:
+            return value
+        return 1.0
 
     @property
     def prior_width(self) -> float | None:
@@ -118,12 +120,19 @@ class LeastSquares:
         self.measured = measured
         self.sd = sd
         self.weight = weight
-        self.rows = [
-            n for n, parameter in enumerate(parameters) if parameter.prior_width is not None
-        ]
-        self.low = np.array([parameter.scaled(parameter.low) for parameter in parameters])
-        self.high = np.array([parameter.scaled(parameter.high) for parameter in parameters])
-        self.reach = np.array([parameter.reach for parameter in parameters])
+        self.rows = []
+        low = []
+        high = []
+        reach = []
+        for number, parameter in enumerate(parameters):
+            if parameter.prior_width is not None:
+                self.rows.append(number)
+            low.append(parameter.scaled(parameter.low))
+            high.append(parameter.scaled(parameter.high))
+            reach.append(parameter.reach)
+        self.low = np.array(low)
+        self.high = np.array(high)
+        self.reach = np.array(reach)
         # SciPy asks for residuals and slopes apart, the model gives both at once.
         self._evaluated: tuple[bytes, tuple[NDArray, NDArray]] | None = None
         self.best = (np.inf, np.zeros(0))
@@ -132,12 +141,26 @@ class LeastSquares:
         self.improved: Callable[[float, NDArray], object] = lambda cost, t: None
 
     def scaled(self, values: ArrayLike) -> NDArray:
-        pairs = zip(self.parameters, np.asarray(values, float), strict=True)
-        return np.array([parameter.scaled(value) for parameter, value in pairs])
+        scaled = []
+        for parameter, value in zip(self.parameters, np.asarray(values, float), strict=True):
+            scaled.append(parameter.scaled(value))
+        return np.array(scaled)
 
     def values(self, t: NDArray) -> NDArray:
-        pairs = zip(self.parameters, t, strict=True)
-        return np.array([np.exp(x) if parameter.log else x for parameter, x in pairs])
+        values = []
+        for parameter, x in zip(self.parameters, t, strict=True):
+            if parameter.log:
+                values.append(np.exp(x))
+            else:
+                values.append(x)
+        return np.array(values)
+
+    def slopes(self, values: NDArray) -> NDArray:
+        """dp/dt of all parameters at these values."""
+        slopes = []
+        for parameter, value in zip(self.parameters, values, strict=True):
+            slopes.append(parameter.slope(value))
+        return np.array(slopes)
 
     def of_model(self, t: NDArray) -> tuple[NDArray, NDArray]:
         """Values and slopes over the parameters; those of the last t are kept."""
@@ -152,9 +175,7 @@ class LeastSquares:
         value, slope = self.of_model(t)
         values = self.values(t)
         # dp/dt, because the model's slopes are over p.
-        scale = np.array(
-            [parameter.slope(v) for parameter, v in zip(self.parameters, values, strict=True)]
-        )
+        scale = self.slopes(values)
         used = self.weight > 0
         factor = np.where(used, np.sqrt(self.weight) / self.sd, 0.0)
         residual = np.where(used, (value - self.measured) * factor, 0.0)
@@ -197,11 +218,14 @@ class LeastSquares:
     def cost(self, residual: NDArray, loss: str) -> float:
         rho = self.loss(loss)
         square = residual**2
-        return 0.5 * float(np.sum(square if isinstance(rho, str) else rho(square)[0]))
+        if not isinstance(rho, str):
+            square = rho(square)[0]
+        return 0.5 * float(np.sum(square))
 
     def solve(self, start: NDArray, loss: str, free: NDArray | None = None):
         """SciPy's answer from a start, with `x` all of t; `None` where the model has no value there."""
-        free = np.ones(start.size, bool) if free is None else free
+        if free is None:
+            free = np.ones(start.size, bool)
 
         def full_t(x):
             t = start.copy()
@@ -244,8 +268,10 @@ class LeastSquares:
             cost = self.cost(residuals, loss)
             count += 1
             if np.isfinite(cost):
+                idle += 1
                 # The cost is half of chi-square.
-                idle = 0 if cost < lowest - _LITTLE / 2 else idle + 1
+                if cost < lowest - _LITTLE / 2:
+                    idle = 0
                 lost_in_row = 0
             else:
                 # no step at all: nothing is known of a minimum

@@ -26,9 +26,8 @@ class CommonFactor(NamedTuple):
     @property
     def without_range(self) -> "CommonFactor":
         """The factor without its range."""
-        return self._replace(
-            each=tuple(number.without_range for number in self.each), low=0.0, high=0.0
-        )
+        each = tuple(number.without_range for number in self.each)
+        return self._replace(each=each, low=0.0, high=0.0)
 
     def current(self, design: Machine) -> float:
         """1, as the machine stands."""

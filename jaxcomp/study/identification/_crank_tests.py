@@ -15,7 +15,7 @@ from ...cylinder import Cylinder
 from ...machine import Machine, assembled
 from .._analysis import DesignResult, quantity_named
 from .._analysis_options import AnalysisOptions
-from .._problem import value_of
+from .._problem import values_of
 from .._variables import variable
 from ..rating import solve_rated
 from ._bounded_least_squares import Parameter
@@ -126,19 +126,28 @@ class Trace(AbstractMeasurement):
 
     def entries(self, sd):
         shape = self.measured.shape
-        size = np.array([self._usual_deviation(row, sd) for row in range(shape[0])])
+        deviations = []
+        for row in range(shape[0]):
+            deviations.append(self._usual_deviation(row, sd))
+        size = np.array(deviations)
         # Neighbours on a trace err alike: wider deviations let it count as `independent` readings.
         many = np.sqrt(np.maximum(1.0, shape[1] / self.independent))
         deviation = stated_or_usual(self.sd, np.broadcast_to(size[:, None], shape)) * many
         rows, columns = np.nonzero(np.isfinite(self.measured))
+        kinds = {}
+        for name in self.quantities:
+            kinds[name] = Kind(self.MEASURED[name], name == "speed")
+        names = []
+        for angle in self.angle[columns]:
+            names.append(f"{angle / _DEGREE:.4g} deg")
         return Entries(
             quantity=tuple(self.quantities[row] for row in rows),
-            kinds={name: Kind(self.MEASURED[name], name == "speed") for name in self.quantities},
+            kinds=kinds,
             point=np.zeros(rows.size, int),
             column=rows * shape[1] + columns,
             measured=self.measured[rows, columns],
             sd=deviation[rows, columns],
-            names=tuple(f"{self.angle[n] / _DEGREE:.4g} deg" for n in columns),
+            names=tuple(names),
             conditions={"crank_angle": self.angle[columns]},
             units={"crank_angle": "rad"},
         )
@@ -196,7 +205,9 @@ class Trace(AbstractMeasurement):
                 out.append(offset + gain * cycle.pressure_at(at))
             else:
                 out.append(constants["lift_gain"] * cycle.lift_at(at, name == "discharge_lift"))
-        ok = orbit.converged if cycle is None else orbit.converged & cycle.converged
+        ok = orbit.converged
+        if cycle is not None:
+            ok = ok & cycle.converged
         return jnp.concatenate(out), ok
 
 
@@ -254,12 +265,15 @@ class Table(AbstractMeasurement):
         rows, columns = np.nonzero(np.isfinite(self.measured))
         units = self.units or ("",) * len(self.paths)
         looks = list(map(shown, self.paths, units, self.settings.T))
-
-        def label(row):
-            pairs = zip(row, looks, strict=True)
-            return ", ".join(look.drawn.text(x) for x, look in pairs)
-
-        labels = [label(row) or "the machine" for row in self.settings]
+        labels = []
+        for row in self.settings:
+            settings = []
+            for value, look in zip(row, looks, strict=True):
+                settings.append(look.drawn.text(value))
+            labels.append(", ".join(settings) or "the machine")
+        conditions = {}
+        for number, path in enumerate(self.paths):
+            conditions[path] = self.settings[rows, number]
         return Entries(
             quantity=tuple(self.quantities[n] for n in columns),
             kinds=kinds,
@@ -268,7 +282,7 @@ class Table(AbstractMeasurement):
             measured=self.measured[rows, columns],
             sd=deviation[rows, columns],
             names=tuple(labels[n] for n in rows),
-            conditions={path: self.settings[rows, n] for n, path in enumerate(self.paths)},
+            conditions=conditions,
             units=dict(zip(self.paths, units, strict=True)),
         )
 
@@ -280,5 +294,5 @@ class Table(AbstractMeasurement):
         del nuisances
         options = AnalysisOptions(self.solver)
         result = DesignResult(_conditioned(machine, self.paths, point), options)
-        values = jnp.stack([jnp.asarray(value_of(name, result), float) for name in self.quantities])
+        values = values_of(self.quantities, result)
         return values, result.ok & jnp.all(jnp.isfinite(values))

@@ -97,4 +97,10 @@ def _words(parameters: Sequence[Parameter], move: NDArray) -> str:
 
 def _units(parameters: Sequence[Parameter]) -> NDArray:
     """Unit of each parameter in t: ln p as it is, so that 0.1 is 10 %; linear ones in their reach."""
-    return np.array([1.0 if parameter.log else parameter.reach for parameter in parameters])
+    units = []
+    for parameter in parameters:
+        if parameter.log:
+            units.append(1.0)
+        else:
+            units.append(parameter.reach)
+    return np.array(units)

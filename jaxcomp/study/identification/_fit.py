@@ -210,7 +210,7 @@ class Fit:
             (1, parameter.scaled(parameter.high)),
         ):
             end = centre + sign * np.sqrt(rise) * error
-            end = max(end, bound) if sign < 0 else min(end, bound)
+            end = _within_bound(end, bound, sign)
             over = -1.0
             # Outwards until the end is bracketed, or is a bound.
             for _ in range(6):
@@ -220,12 +220,14 @@ class Fit:
                 # The root of the rise is nearly linear: 1/(1 + over) of the way is the end, and a
                 # tenth more brackets it.
                 end = centre + (end - centre) * min(2.0, 1.1 / max(1 + over, 0.1))
-                end = max(end, bound) if sign < 0 else min(end, bound)
+                end = _within_bound(end, bound, sign)
             if not np.isfinite(over) or over < 0:
                 ends.append(np.nan)
                 continue
             root = optimize.brentq(excess, centre, end, xtol=1e-7 * error, rtol=1e-13)
-            ends.append(float(np.exp(root)) if parameter.log else float(root))
+            if parameter.log:
+                root = np.exp(root)
+            ends.append(float(root))
         return ends[0], ends[1]
 
     def _cost(self, problem: LeastSquares) -> float:
@@ -331,13 +333,15 @@ def _fit(problem: LeastSquares, best, answers, loss: str, failed: int) -> Fit:
     value, model_slope = problem.of_model(t)
     readings = value.size
     rho = problem.loss(loss)
-    robust = np.ones(readings) if isinstance(rho, str) else rho(residual**2)[1][:readings]
+    robust = np.ones(readings)
+    if not isinstance(rho, str):
+        robust = rho(residual**2)[1][:readings]
     # Gauss-Newton's matrix of a robust loss: each reading counts by rho'.
     weighted = slope.copy()
     weighted[:readings] *= np.sqrt(robust)[:, None]
     inverse = _inverse(weighted, problem.reach)
     values = problem.values(t)
-    scale = np.array([parameter.slope(v) for parameter, v in zip(parameters, values, strict=True)])
+    scale = problem.slopes(values)
     span = problem.high - problem.low
     return Fit(
         parameters=parameters,
@@ -380,11 +384,23 @@ def _inverse(slope: NDArray, reach: NDArray) -> NDArray:
     return inverse
 
 
+def _within_bound(end: float, bound: float, sign: int) -> float:
+    """An end of an interval, or the bound where the end lies beyond it."""
+    if sign < 0:
+        return max(end, bound)
+    return min(end, bound)
+
+
+def _is_apart(place: NDArray, earlier_places: Sequence[NDArray], error: NDArray) -> bool:
+    """Whether a place differs from every earlier one by more than its error."""
+    return all((np.abs(place - other) > _APART * error).any() for other in earlier_places)
+
+
 def _other_minima(problem: LeastSquares, best, answers, error: NDArray) -> Iterator[Minimum]:
     """Where other starts ended nearly as low, each place once; `error` tells places apart."""
     places = [best.x]
     for answer in sorted(answers, key=lambda answer: answer.cost):
         near = 2 * (answer.cost - best.cost) < _NEAR
-        if near and all((np.abs(answer.x - other) > _APART * error).any() for other in places):
+        if near and _is_apart(answer.x, places, error):
             places.append(answer.x)
             yield Minimum(problem.values(answer.x), 2 * float(answer.cost))

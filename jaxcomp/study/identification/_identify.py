@@ -99,7 +99,8 @@ def _check_start(
     model: ReadingModel, parameters: list[Parameter], points: list[int], fitted: NDArray
 ) -> None:
     """That all points which the fit sees have a solution with the values it begins with."""
-    first, _ = model(np.array([parameter.start for parameter in parameters]), points)
+    start = np.array([parameter.start for parameter in parameters])
+    first, _ = model(start, points)
     bad = np.flatnonzero(fitted & ~np.isfinite(first))
     if bad.size:
         failed = sorted({model.entries.names[row] for row in bad})
@@ -120,20 +121,32 @@ def _identification(
     directions = result.directions
     hardly_known = [each for each in directions if each.weak or each.unidentifiable]
     prediction = result.predict(value, slope, entries.sd)
+    names = []
+    units = []
+    start = []
+    bounds = []
+    for parameter in result.parameters:
+        names.append(parameter.name)
+        units.append(parameter.unit)
+        start.append(parameter.start)
+        bounds.append((parameter.low, parameter.high))
+    conditions = {}
+    for name, numbers in entries.conditions.items():
+        conditions[name] = jnp.asarray(numbers)
     return Identification(
-        parameters=tuple(parameter.name for parameter in result.parameters),
-        units=tuple(parameter.unit for parameter in result.parameters),
+        parameters=tuple(names),
+        units=tuple(units),
         estimate=jnp.asarray(result.estimate),
         standard_error=jnp.asarray(result.standard_error),
         covariance=jnp.asarray(result.covariance),
-        start=jnp.asarray([parameter.start for parameter in result.parameters]),
+        start=jnp.asarray(start),
         prior_share=jnp.asarray(result.prior_share),
         constants=len(variables),
         quantity=entries.quantity,
         kinds=dict(entries.kinds),
         point=jnp.asarray(entries.point),
         names=entries.names,
-        conditions={k: jnp.asarray(v) for k, v in entries.conditions.items()},
+        conditions=conditions,
         condition_units=dict(entries.units),
         measured=jnp.asarray(entries.measured),
         computed=jnp.asarray(prediction.value),
@@ -149,9 +162,7 @@ def _identification(
         fit=result,
         machine=changed(model.design, variables, jnp.asarray(result.estimate)),
         study=model,
-        bounds=jnp.asarray(
-            [(parameter.low, parameter.high) for parameter in result.parameters], float
-        ),
+        bounds=jnp.asarray(bounds, float),
     )
 
 

@@ -82,8 +82,10 @@ def _of_fit(fit: Fit, model: ReadingModel) -> Iterator[str]:
     if fit.p_value > _TOO_GOOD:
         yield "the readings fit better than their deviations allow: these are too large"
     for other in fit.minima:
-        pairs = zip(fit.parameters, other.estimate, strict=True)
-        where = ", ".join(f"{parameter.name} {value:.4g}" for parameter, value in pairs)
+        estimates = []
+        for parameter, value in zip(fit.parameters, other.estimate, strict=True):
+            estimates.append(f"{parameter.name} {value:.4g}")
+        where = ", ".join(estimates)
         yield f"a second minimum, chi-square {other.chi_square:.4g}: {where}"
     if any(measurement.polynomial for measurement in model.measurements):
         yield "the points are made from a polynomial and are no readings: chi-square is a hint alone"
@@ -103,9 +105,13 @@ def law_of_speed(fit: Fit, entries: Entries) -> Iterator[str]:
         speeds = np.unique(turns[rows].round(6))
         if speeds.size < 2 or not entries.kinds[quantity].relative:
             continue
-        groups = [rows & np.isclose(turns, speed, rtol=1e-4) for speed in speeds]
-        # means of n readings, in standard deviations of a mean
-        means = [float(off[group].mean() * np.sqrt(group.sum())) for group in groups]
+        groups = []
+        means = []
+        for speed in speeds:
+            group = rows & np.isclose(turns, speed, rtol=1e-4)
+            groups.append(group)
+            # mean of n readings, in standard deviations of a mean
+            means.append(float(off[group].mean() * np.sqrt(group.sum())))
         if max(means) - min(means) > _TOGETHER:
             errors = []
             for speed, group in zip(speeds, groups, strict=True):

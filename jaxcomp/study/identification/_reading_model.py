@@ -41,8 +41,12 @@ class ReadingModel:
         self.measurements = measurements
         self.programs = [measurement.without_data for measurement in measurements]
         parts = [measurement.entries(sd) for measurement in measurements]
-        self.points = [measurement.points(design) for measurement in measurements]
-        sizes = [len(jax.tree.leaves(points)[0]) for points in self.points]
+        self.points = []
+        sizes = []
+        for measurement in measurements:
+            points = measurement.points(design)
+            self.points.append(points)
+            sizes.append(len(jax.tree.leaves(points)[0]))
         # number of the first point of each measurement, and of all points
         self.first = np.concatenate([[0], np.cumsum(sizes)])
         self.nuisances = []
@@ -72,7 +76,11 @@ class ReadingModel:
         used_points = []
         for n in range(len(self.measurements)):
             begin, end = self.first[n : n + 2]
-            used_points.append([int(p - begin) for p in used if begin <= p < end])
+            used_of_measurement = []
+            for point in used:
+                if begin <= point < end:
+                    used_of_measurement.append(int(point - begin))
+            used_points.append(used_of_measurement)
         pairs = list(zip(self.measurements, used_points, strict=True))
         warnings = {}
         for n, (measurement, points) in enumerate(pairs):
@@ -112,9 +120,16 @@ class ReadingModel:
             return n, *map(np.asarray, solution)
 
         # the first of each measurement compiles it, not every thread
-        first = {self._measurement(number): number for number in reversed(points)}
-        fresh = [number for number in points if number in first.values()]
-        later = [number for number in points if number not in first.values()]
+        compiled = set()
+        fresh = []
+        later = []
+        for number in points:
+            measurement = self._measurement(number)
+            if measurement in compiled:
+                later.append(number)
+            else:
+                compiled.add(measurement)
+                fresh.append(number)
         yield from zip(fresh, map(at, fresh), strict=True)
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             yield from zip(later, pool.map(at, later), strict=True)
@@ -144,7 +159,9 @@ def _joined(parts: Sequence[Entries], first: NDArray) -> Entries:
             absent = np.full(part.measured.size, np.nan)
             columns.append(part.conditions.get(name, absent))
         conditions[name] = np.concatenate(columns)
-    points = [part.point + begin for part, begin in zip(parts, first, strict=True)]
+    points = []
+    for part, begin in zip(parts, first, strict=True):
+        points.append(part.point + begin)
     return Entries(
         quantity=tuple(quantity),
         kinds=kinds,

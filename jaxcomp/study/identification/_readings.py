@@ -101,8 +101,10 @@ class Readings(AbstractMeasurement):
         """(n,) such as "-5/30 C", by the temperatures of the source."""
         if self.labels:
             return list(self.labels)
-        pairs = zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True)
-        return [f"{s:.4g}/{d:.4g} C" for s, d in pairs]
+        names = []
+        for s, d in zip(self.evaporating - ZERO, self.condensing - ZERO, strict=True):
+            names.append(f"{s:.4g}/{d:.4g} C")
+        return names
 
     def liquid_of(self, fluid: AbstractRealGas) -> NDArray:
         """[K] (n,) temperature of the liquid of a fluid before the expansion.
@@ -127,7 +129,11 @@ class Readings(AbstractMeasurement):
         shifted = replace(
             self, condensing=condensing, liquid=self.liquid + condensing - self.condensing
         )
-        liquid = shifted.liquid_of(fluid) if self.by_subcooling else self.liquid
+        liquid = self.liquid
+        liquid_or_subcooling = self.liquid
+        if self.by_subcooling:
+            liquid = shifted.liquid_of(fluid)
+            liquid_or_subcooling = shifted.liquid
         pressure = fluid.dew_pressure(condensing)
         evaporating = []
         for place, name in enumerate(self.names):
@@ -144,7 +150,7 @@ class Readings(AbstractMeasurement):
             evaporating=np.array(evaporating),
             gas=self.gas + warmer * self.by_superheat,
             useful=self.useful + warmer * self.by_useful_superheat,
-            liquid=shifted.liquid if self.by_subcooling else self.liquid,
+            liquid=liquid_or_subcooling,
             reference="dew",
             labels=tuple(self.names),
         )
@@ -165,9 +171,12 @@ class Readings(AbstractMeasurement):
             sd: instead of those by default, by name; relative for all but temperatures.
         """
         _, relative, plain, fitted = MEASURED[name]
-        usual = sd.get(name, fitted if self.polynomial else plain)
+        default = fitted if self.polynomial else plain
+        usual = sd.get(name, default)
         measured = self.measured[name]
-        deviation = usual * np.abs(measured) if relative else usual + 0 * measured
+        deviation = usual + 0 * measured
+        if relative:
+            deviation = usual * np.abs(measured)
         return stated_or_usual(self.sd.get(name), deviation)
 
     def check(self, machine: Machine) -> None:
@@ -245,8 +254,10 @@ class Readings(AbstractMeasurement):
         compressor: Any = machine.as_compressor()
         fluid = compressor.gas.fluid
         liquid = self.liquid_of(fluid)
-        columns = self.evaporating, self.condensing, self.gas, self.useful, liquid
-        limits = _limits(fluid, *(jnp.asarray(column, float) for column in columns))
+        columns = []
+        for column in (self.evaporating, self.condensing, self.gas, self.useful, liquid):
+            columns.append(jnp.asarray(column, float))
+        limits = _limits(fluid, *columns)
         density, work, worth = map(np.asarray, limits)
         none = np.full(self.evaporating.size, np.nan)
         turns, _ = self.points(machine)
@@ -307,12 +318,16 @@ class Readings(AbstractMeasurement):
             points += rows.tolist()
             measured += values[rows].tolist()
             deviations += self.deviation(name, sd)[rows].tolist()
+        kinds = {}
+        for name in self.measured:
+            unit, relative, *_ = MEASURED[name]
+            kinds[name] = Kind(unit, relative)
         names = self.names
         at = np.array(points, int)
         units = {"evaporating": "K", "condensing": "K", "speed": "rad/s"}
         return Entries(
             quantity=tuple(quantity),
-            kinds={name: Kind(*MEASURED[name][:2]) for name in self.measured},
+            kinds=kinds,
             point=at,
             column=np.array([_OUT[name] for name in quantity], int),
             measured=np.array(measured),
@@ -358,7 +373,10 @@ class Readings(AbstractMeasurement):
         # none at the speeds without factors
         flow, power = jnp.exp(has_factor @ jnp.log(nuisances).reshape(-1, 2))
         factor = {"capacity": flow, "mass_flow": flow, "power": power, "cop": flow / power}
-        return values * jnp.stack([factor.get(name, jnp.ones(())) for name in _OUT]), ok
+        factors = []
+        for name in _OUT:
+            factors.append(factor.get(name, jnp.ones(())))
+        return values * jnp.stack(factors), ok
 
     def warnings(self, used, same_kind):
         """Points held out that lie outside the hull of those used, and speeds that were not used."""
@@ -376,11 +394,10 @@ class Readings(AbstractMeasurement):
         region = np.concatenate(fitted)
         try:
             sides = ConvexHull(np.unique(region, axis=0)).equations
-            far = [
-                row
-                for row in held_out
-                if (sides[:, :2] @ conditions[row] + sides[:, 2] > 0.5).any()
-            ]
+            far = []
+            for row in held_out:
+                if (sides[:, :2] @ conditions[row] + sides[:, 2] > 0.5).any():
+                    far.append(row)
         except (QhullError, ValueError):
             far = held_out
         if far:

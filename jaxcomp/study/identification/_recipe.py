@@ -12,7 +12,7 @@ from ...cylinder import Cylinder
 from ...fluid._real import has_dew_line
 from ...machine import HasMachine, Machine, machine_of
 from .._rules import with_swept_volume
-from .._variables import variable
+from .._variables import Variable, variable
 from ..rating import capacity_rise
 from ._common_factor import CommonFactor, varied
 from ._readings import Readings
@@ -66,8 +66,10 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
     """
     design = machine_of(machine)
     compressor = design.as_compressor()
-    maps = [readings] if isinstance(readings, Readings) else list(readings)
-    size, turns = _size(design, [points.for_machine(design) for points in maps])
+    if isinstance(readings, Readings):
+        readings = [readings]
+    maps = [points.for_machine(design) for points in readings]
+    size, turns = _size(design, maps)
     design = with_swept_volume(design, jnp.asarray(size / compressor.crankshaft.count))
     if compressor.motor.losses is not None:  # goes with the volume that is swept in a second
         faster = turns * 2 * np.pi / float(compressor.motor.speed_guess)
@@ -84,12 +86,18 @@ def map_recipe(machine: Machine | HasMachine, readings: Readings | Sequence[Read
         if present > 0:
             limit = high * present
             # A common factor may go as far as all of its numbers.
-            for number in unknown.each if isinstance(unknown, CommonFactor) else (unknown,):
+            for number in _numbers(unknown):
                 limit = min(limit, present * number.bound.high / float(number.current(design)))
             vary[name] = (low * present, limit)
             if width is not None:
                 prior[name] = (present, width * present)
     return Recipe(machine=design, vary=vary, prior=prior)
+
+
+def _numbers(unknown: Variable | CommonFactor) -> tuple[Variable, ...]:
+    if isinstance(unknown, CommonFactor):
+        return unknown.each
+    return (unknown,)
 
 
 def _size(design: Machine, readings: Sequence[Readings]) -> tuple[float, float]:

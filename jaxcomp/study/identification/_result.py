@@ -51,7 +51,10 @@ class PredictedReadings(NamedTuple):
         if np.unique(speed[np.isfinite(speed)].round(6)).size < 2:
             return names
         turns = speed / (2 * np.pi)
-        return [f"{name}, {turn:.4g} 1/s" for name, turn in zip(names, turns, strict=True)]
+        names_with_speed = []
+        for name, turn in zip(names, turns, strict=True):
+            names_with_speed.append(f"{name}, {turn:.4g} 1/s")
+        return names_with_speed
 
     def columns(self) -> dict[str, Any]:
         """Predictions, a row each; numbers in the SI units of their quantities."""
@@ -149,9 +152,8 @@ class Identification(Result, eqx.Module):
         quantities = self.quantities
         yield Data("point", "", self.point, at)
         numbers = ", ".join(f"{n}: {name}" for n, name in enumerate(quantities))
-        yield Data(
-            "quantity", "", np.array([quantities.index(q) for q in self.quantity]), at, numbers
-        )
+        places = np.array([quantities.index(name) for name in self.quantity])
+        yield Data("quantity", "", places, at, numbers)
         for name, values in self.conditions.items():
             yield Data(f"at.{name}", self.condition_units[name], values, at)
         for name in ("measured", "computed", "sd", "half_width", "used"):
@@ -235,10 +237,15 @@ class Identification(Result, eqx.Module):
         at = np.asarray(self.estimate)[:count]
         # constants of the measurement as they were found, where it is of the same source
         numbers = {name: n for n, name in enumerate(self.parameters)}
-        places = [numbers.get(parameter.name) for parameter in model.nuisances]
+        places = []
         nuisances = []
-        for parameter, n in zip(model.nuisances, places, strict=True):
-            nuisances.append(parameter.start if n is None else float(self.estimate[n]))
+        for parameter in model.nuisances:
+            n = numbers.get(parameter.name)
+            places.append(n)
+            nuisance = parameter.start
+            if n is not None:
+                nuisance = float(self.estimate[n])
+            nuisances.append(nuisance)
         value, slope = model(np.concatenate([at, nuisances]), range(model.count))
         # Constants of other measurements do not move these readings.
         full_slope = np.zeros((value.size, len(self.parameters)))

@@ -100,12 +100,18 @@ class ModalTest(AbstractMeasurement):
         count = self.frequency.size
         deviation = usual("frequency", sd, self.USUAL) * self.frequency
         deviation = stated_or_usual(self.sd, deviation)
-        shape = np.zeros((count, 0)) if self.shape is None else self._normed()
+        shape = np.zeros((count, 0))
+        if self.shape is not None:
+            shape = self._normed()
         rows, columns = np.nonzero(np.isfinite(shape))
         modes = np.array(self.modes)
         names = [f"mode {mode}" for mode in self.modes]
-        place = [f"{node} {axis}" for node, axis in zip(self.nodes, self.axes, strict=True)]
-        of_shapes = [f"{names[r]} at {place[c]}" for r, c in zip(rows, columns, strict=True)]
+        place = []
+        for node, axis in zip(self.nodes, self.axes, strict=True):
+            place.append(f"{node} {axis}")
+        of_shapes = []
+        for row, column in zip(rows, columns, strict=True):
+            of_shapes.append(f"{names[row]} at {place[column]}")
         sd_of_shapes = np.full(rows.size, usual("mode_shape", sd, 0.05))
         return Entries(
             quantity=("frequency",) * count + ("mode_shape",) * rows.size,
@@ -132,7 +138,9 @@ class ModalTest(AbstractMeasurement):
 
     def points(self, machine):
         numbers = self._distinct(machine)[np.array(self.modes) - 1]
-        shape = np.zeros((len(self.modes), 0)) if self.shape is None else self._normed()
+        shape = np.zeros((len(self.modes), 0))
+        if self.shape is not None:
+            shape = self._normed()
         return numbers[None], shape[None]
 
     def at(self, machine, nuisances, point):
@@ -235,7 +243,8 @@ class VibrationTest(AbstractMeasurement):
             raise BadInput(f"{self.source}: balancing", "absent", "given with its targets")
         rows = []
         for target in places.targets:
-            rows += [(target.name, axis) for axis in target.axes]
+            for axis in target.axes:
+                rows.append((target.name, axis))
         return rows
 
     @property
@@ -268,11 +277,12 @@ class VibrationTest(AbstractMeasurement):
         value = self.amplitude * np.exp(1j * np.where(phased, self.phase, 0.0))
         point = np.searchsorted(self._speeds(), self.speed.round(9))
         pairs = list(dict.fromkeys(zip(self.targets, self.axes, strict=True)))
-        row = np.array([pairs.index(p) for p in zip(self.targets, self.axes, strict=True)])
-        labels = [
-            f"{target} {axis} at {speed:.5g} rad/s"
-            for target, axis, speed in zip(self.targets, self.axes, self.speed, strict=True)
-        ]
+        places = []
+        labels = []
+        for target, axis, speed in zip(self.targets, self.axes, self.speed, strict=True):
+            places.append(pairs.index((target, axis)))
+            labels.append(f"{target} {axis} at {speed:.5g} rad/s")
+        row = np.array(places)
         # Readings with a phase count by both parts, those without by their size.
         groups = (
             ("vibration.real", phased, np.real(value), component),

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from ..._core.display import Shown, shown
 from ..._core.errors import BadInput
-from ._store import quantity_names
+from ._store import quantity_names, variable_names
 
 if TYPE_CHECKING:
     import xarray
@@ -45,7 +45,7 @@ def best_design(found: "xarray.Dataset", name: str) -> dict[str, float] | None:
         return None
     place = np.unravel_index(np.nanargmin(values), values.shape)
     design = found.isel(dict(zip(found[name].dims, place, strict=True)))
-    names = [*(str(n) for n in design.coords if n != "sample"), *quantity_names(design)]
+    names = [*variable_names(design), *quantity_names(design)]
     return {name: float(design[name]) for name in names}
 
 
@@ -63,7 +63,8 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     if len(dims) != 2:
         raise BadInput(name, f"over {len(dims)} variables", "over two, for a curve of best values")
     values = _minimised(found, name)
-    along, across = (np.asarray(found[dim]) for dim in dims)
+    along = np.asarray(found[dims[0]])
+    across = np.asarray(found[dims[1]])
     order = np.argsort(along)
     along = along[order]
     values = values[order]
@@ -71,7 +72,9 @@ def best_curve(found: "xarray.Dataset", name: str) -> BestCurve:
     # A design that failed is never the best one, and a column of such designs still has a row.
     filled = np.where(np.isfinite(values), values, np.inf)
     best = np.argmin(filled, axis=0)
-    between = [_vertex(along, filled[:, column], row) for column, row in enumerate(best)]
+    between = []
+    for column, row in enumerate(best):
+        between.append(_vertex(along, filled[:, column], row))
     sign = 1.0
     if found[name].attrs["better"] == "more":
         sign = -1.0
@@ -89,7 +92,9 @@ def _minimised(dataset, name) -> np.ndarray:
     if better not in ("more", "less"):
         raise BadInput("quantity", name, "one of which more or less is better")
     values = np.asarray(dataset[name])
-    return -values if better == "more" else values
+    if better == "more":
+        return -values
+    return values
 
 
 def _vertex(x, y, row) -> float:

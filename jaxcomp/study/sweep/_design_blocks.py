@@ -146,10 +146,14 @@ def _program_of_one_size(problem: Problem, width: int, devices: Sequence[Device]
 
         def wait():
             results = [piece.result() for piece in running]
-            values, *columns = (np.concatenate(parts) for parts in zip(*results, strict=True))
-            return values.reshape(-1, values.shape[-1])[back], *(
-                column.ravel()[back] for column in columns
-            )
+            joined = []
+            for parts in zip(*results, strict=True):
+                joined.append(np.concatenate(parts))
+            values, *columns = joined
+            in_order = [values.reshape(-1, values.shape[-1])[back]]
+            for column in columns:
+                in_order.append(column.ravel()[back])
+            return tuple(in_order)
 
         return wait
 

@@ -50,7 +50,9 @@ class Distribution(NamedTuple):
     @property
     def ends(self) -> tuple[float, float]:
         """[SI] What the variable must allow: the ends, of a normal distribution its mean."""
-        return (self.first, self.first if self.kind == "normal" else self.second)
+        if self.kind == "normal":
+            return (self.first, self.first)
+        return (self.first, self.second)
 
 
 def grid(low: float, high: float, count: int) -> Values:
@@ -144,7 +146,9 @@ class GridPoints:
         for name, numbers in axes.items():
             if np.asarray(numbers).dtype.kind in "USO":
                 bound = "numbers in SI units, such as [0.12, 0.13] or `sweep.grid(0.12, 0.14, 5)`"
-                text = f'"{numbers}"' if isinstance(numbers, str) else str(numbers)
+                text = str(numbers)
+                if isinstance(numbers, str):
+                    text = f'"{numbers}"'
                 raise BadInput(name, text, bound)
         self.axes = {name: np.asarray(numbers, dtype=float) for name, numbers in axes.items()}
         for name, values in self.axes.items():
@@ -169,16 +173,24 @@ class GridPoints:
     @property
     def ends(self) -> dict[str, tuple[float, float]]:
         """[SI] The lowest and the highest value of each variable."""
-        return {name: (float(np.min(v)), float(np.max(v))) for name, v in self.axes.items()}
+        ends = {}
+        for name, values in self.axes.items():
+            ends[name] = (float(np.min(values)), float(np.max(values)))
+        return ends
 
     def rows(self, place: Place) -> Rows:
         """The designs at a place of the grid, the last variable changing first."""
-        cut = [values[part] for values, part in zip(self.axes.values(), place, strict=True)]
+        cut = []
+        for values, part in zip(self.axes.values(), place, strict=True):
+            cut.append(values[part])
         return np.stack(np.meshgrid(*cut, indexing="ij"), -1).reshape(-1, len(cut))
 
     def described(self) -> dict[str, object]:
         """Description by which two grids are the same."""
-        return {name: ["grid", *values.tolist()] for name, values in self.axes.items()}
+        axes = {}
+        for name, values in self.axes.items():
+            axes[name] = ["grid", *values.tolist()]
+        return axes
 
 
 class SamplePoints:
@@ -229,7 +241,9 @@ class SamplePoints:
         share = getattr(self, f"_{self.sampling}")(start, stop)
         # Off zero and one, where a normal distribution has no value.
         share = np.clip(share, 2.0**-54, 1 - 2.0**-53)
-        columns = [axis.at(share[:, number]) for number, axis in enumerate(self.axes.values())]
+        columns = []
+        for number, axis in enumerate(self.axes.values()):
+            columns.append(axis.at(share[:, number]))
         return np.stack(columns, -1)
 
     def described(self) -> dict[str, object]:
@@ -293,7 +307,10 @@ class Blocks(NamedTuple):
     @property
     def counts(self) -> tuple[int, ...]:
         """Blocks along each dimension."""
-        return tuple(-(-size // part) for size, part in zip(self.shape, self.block, strict=True))
+        counts = []
+        for size, part in zip(self.shape, self.block, strict=True):
+            counts.append(-(-size // part))
+        return tuple(counts)
 
     @property
     def number(self) -> int:
@@ -306,10 +323,10 @@ class Blocks(NamedTuple):
 
     def place(self, number: int) -> Place:
         """Designs that a block covers."""
-        return tuple(
-            slice(i * part, min((i + 1) * part, size))
-            for i, part, size in zip(self.where(number), self.block, self.shape, strict=True)
-        )
+        place = []
+        for i, part, size in zip(self.where(number), self.block, self.shape, strict=True):
+            place.append(slice(i * part, min((i + 1) * part, size)))
+        return tuple(place)
 
 
 def extent(place: Place) -> tuple[int, ...]:

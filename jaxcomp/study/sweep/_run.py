@@ -1,7 +1,7 @@
 r"""`sweep`: the quantities of many designs of one machine, or of several."""
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
@@ -20,7 +20,7 @@ from .._analysis import quantity_named
 from .._problem import Problem, RequestedQuantity, problem_of
 from .._variables import Variable, by_name
 from ._design_blocks import Device, chosen_devices, default_width, solved_blocks
-from ._points import Blocks, Distribution, GridPoints, SamplePoints, extent, uniform
+from ._points import Blocks, Distribution, GridPoints, Rows, SamplePoints, extent, uniform
 from ._store import (
     OK,
     STATUS,
@@ -136,11 +136,13 @@ def sweep(
     with_status = header is None or STATUS in header["columns"]
     marks = fingerprint(problem, points)
     plan = Plan(points, layout, width, *_headings(problem), marks, about, with_status)
-    store = InMemory(plan) if out is None else OnDisk(Path(out), plan)
+    store = _store(plan, out)
     unsolved = [number for number in range(layout.number) if not store.has(number)]
     total = int(np.prod(layout.shape))
-    solved = total - sum(int(np.prod(extent(layout.place(number)))) for number in unsolved)
-    blocks = ((number, points.rows(layout.place(number))) for number in unsolved)
+    solved = total
+    for number in unsolved:
+        solved -= int(np.prod(extent(layout.place(number))))
+    blocks = _blocks(points, layout, unsolved)
     # The fingerprint is that of the problem as it was given; solving may prepare its rotor.
     with progress_of("Sweeping", total, solved, "designs", progress) as shown:
         for block in solved_blocks(prepared(problem), width, local, client, blocks):
@@ -183,9 +185,13 @@ def sweep_machines(
     for name, machine in machines.items():
         design = machine_of(machine)
         held = {_HELD: [float(find_variable(design, _HELD).current(design))]}
-        store = None if out is None else Path(out) / name
+        store = None
+        if out is not None:
+            store = Path(out) / name
         dataset = sweep(machine, over or held, quantities, out=store, **options)
-        datasets.append(dataset if over else dataset.isel({_HELD: 0}, drop=True))
+        if not over:
+            dataset = dataset.isel({_HELD: 0}, drop=True)
+        datasets.append(dataset)
     return xarray.concat(datasets, xarray.Variable(dimension, list(machines)))  # pyright: ignore
 
 
@@ -196,6 +202,20 @@ def _within_range(variable: Variable) -> Distribution:
             variable.name, "without a range", "given one, (low, high), for samples within"
         )
     return uniform(variable.low, variable.high)
+
+
+def _store(plan: Plan, out: str | Path | None) -> InMemory | OnDisk:
+    if out is None:
+        return InMemory(plan)
+    return OnDisk(Path(out), plan)
+
+
+def _blocks(
+    points: GridPoints | SamplePoints, layout: Blocks, numbers: Sequence[int]
+) -> Iterator[tuple[int, Rows]]:
+    """Blocks by number with their designs, which are made when a block is needed."""
+    for number in numbers:
+        yield number, points.rows(layout.place(number))
 
 
 def _points(over, samples, sampling, seed) -> GridPoints | SamplePoints:
@@ -232,8 +252,13 @@ def _check(problem: Problem, points: GridPoints | SamplePoints) -> None:
 
 def _headings(problem: Problem) -> tuple[Headings, Headings]:
     """Headings of variables and of quantities."""
-    variables = {axis.name: heading(axis.unit, axis.name) for axis in problem.variables}
-    registered = {q: quantity_named(q) for q in problem.quantities if isinstance(q, str)}
+    variables = {}
+    for variable in problem.variables:
+        variables[variable.name] = heading(variable.unit, variable.name)
+    registered = {}
+    for requested in problem.quantities:
+        if isinstance(requested, str):
+            registered[requested] = quantity_named(requested)
     quantities = {}
     for name in problem.names:
         quantities[name] = heading("", name)

@@ -80,7 +80,24 @@ def quantity_names(dataset: "xarray.Dataset") -> list[str]:
     Args:
         dataset: of `sweep` or `open_sweep`.
     """
-    return [str(name) for name in dataset.data_vars if name not in (OK, STATUS)]
+    names = []
+    for name in dataset.data_vars:
+        if name not in (OK, STATUS):
+            names.append(str(name))
+    return names
+
+
+def variable_names(dataset: "xarray.Dataset") -> list[str]:
+    """The variables of a sweep, without the numbers of its samples.
+
+    Args:
+        dataset: of `sweep` or `open_sweep`.
+    """
+    names = []
+    for name in dataset.coords:
+        if name != SAMPLE:
+            names.append(str(name))
+    return names
 
 
 def _empty(name: str, shape: tuple[int, ...]) -> np.ndarray:
@@ -118,12 +135,16 @@ class Plan(NamedTuple):
     @property
     def axes(self) -> dict[str, Any]:
         """[SI] Values of each variable of a grid; none of samples, which have them in columns."""
-        return {} if self.sampled else self.points.axes
+        if self.sampled:
+            return {}
+        return self.points.axes
 
     @property
     def columns(self) -> Headings:
         """Columns of every design: its own variables, quantities, status and, last, `ok`."""
-        variables = self.variables if self.sampled else {}
+        variables = {}
+        if self.sampled:
+            variables = self.variables
         status = {}
         if self.with_status:
             status = {STATUS: _status_heading()}
@@ -139,10 +160,14 @@ class _Store:
     def write(self, number: int, rows, values, status, ok) -> None:
         """Keep a block: its designs, their quantities, how they ended, whether they can be relied on."""
         place = self.plan.layout.place(number)
-        variables = rows.T if self.plan.sampled else ()
-        ended = (status,) if self.plan.with_status else ()
+        columns = []
+        if self.plan.sampled:
+            columns += [*rows.T]
+        columns += [*values.T]
+        if self.plan.with_status:
+            columns.append(status)
         # `ok` last, whose presence says that the block is whole.
-        columns = *variables, *values.T, *ended, ok
+        columns.append(ok)
         for array, column in zip(self.arrays.values(), columns, strict=True):
             array[place] = column.reshape(extent(place))
 
@@ -171,9 +196,14 @@ class InMemory(_Store):
         plan = self.plan
         dims = self.plan.points.dims
         heads = plan.variables | plan.columns
-        data = {name: (dims, value, heads[name]) for name, value in self.arrays.items()}
-        data |= {name: (name, value, heads[name]) for name, value in plan.axes.items()}
-        coords = {name: data.pop(name) for name in plan.variables}
+        data = {}
+        for name, value in self.arrays.items():
+            data[name] = (dims, value, heads[name])
+        for name, value in plan.axes.items():
+            data[name] = (name, value, heads[name])
+        coords = {}
+        for name in plan.variables:
+            coords[name] = data.pop(name)
         return xarray.Dataset(data, coords, dict(plan.about))
 
 
@@ -295,14 +325,20 @@ def _ok_where_complete(path: Path, header, values, sampled) -> np.ndarray:
 
     def blocks(name):
         folder = path / name / "c"
-        return {file.relative_to(folder).parts for file in folder.rglob("*") if file.is_file()}
+        indices = set()
+        for file in folder.rglob("*"):
+            if file.is_file():
+                indices.add(file.relative_to(folder).parts)
+        return indices
 
     ok = values[OK].values
     written = blocks(OK)
     for name in (*header["columns"], *sampled):
         for index in written - blocks(name):
-            starts = zip(map(int, index), header["block"], strict=True)
-            ok[tuple(slice(i * size, (i + 1) * size) for i, size in starts)] = False
+            place = []
+            for i, size in zip(map(int, index), header["block"], strict=True):
+                place.append(slice(i * size, (i + 1) * size))
+            ok[tuple(place)] = False
     return ok
 
 
@@ -314,10 +350,12 @@ def stored_header(path: Path) -> dict[str, Any] | None:
     # Whatever else the folder holds, it holds no sweep.
     except (FileNotFoundError, NotADirectoryError, KeyError, TypeError, ValueError):
         return None
-    complete = isinstance(header, dict) and all(
-        isinstance(header.get(key), kind) for key, kind in _HEADER_KINDS.items()
-    )
-    if not complete or not isinstance(header["same"].get("variables"), list | dict):
+    if not isinstance(header, dict):
+        return None
+    for key, kind in _HEADER_KINDS.items():
+        if not isinstance(header.get(key), kind):
+            return None
+    if not isinstance(header["same"].get("variables"), list | dict):
         return None
     return header
 
@@ -383,13 +421,20 @@ def _quantity_mark(quantity: str | Callable) -> str:
     if isinstance(quantity, str):
         return quantity
     code = getattr(quantity, "__code__", None)
-    content = "" if code is None else _code(code)
+    content = ""
+    if code is not None:
+        content = _code(code)
     mark = hashlib.sha256(content.encode()).hexdigest()[:12]
     return f"{quantity.__name__} ({mark})"
 
 
 def _code(code) -> str:
-    inner = [_code(c) if hasattr(c, "co_code") else repr(c) for c in code.co_consts]
+    inner = []
+    for constant in code.co_consts:
+        if hasattr(constant, "co_code"):
+            inner.append(_code(constant))
+        else:
+            inner.append(repr(constant))
     return f"{code.co_code.hex()} {code.co_names} {inner}"
 
 

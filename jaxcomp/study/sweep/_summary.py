@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._core.results import with_unit
 from ._best import best_curve, best_design
-from ._store import OK, STATUS, quantity_names, status_words
+from ._store import OK, STATUS, quantity_names, status_words, variable_names
 
 if TYPE_CHECKING:
     import xarray
@@ -25,15 +25,24 @@ def summary(dataset: "xarray.Dataset", listing_limit: int = 10_000) -> dict[str,
     """
     ok = dataset["ok"].values
     few = ok.size <= listing_limit
-    variables = [str(name) for name in dataset.coords if name != "sample"]
+    variables = variable_names(dataset)
     quantities = quantity_names(dataset)
     ended = status_words(dataset)
-    failed = ended[~ok] if ended is not None else []
+    failed = []
+    if ended is not None:
+        failed = ended[~ok]
+    listed_ok = None
+    listed_status = None
+    if few:
+        listed_ok = ok
+        listed_status = ended
 
     def variable(values):
         low = values.values.min()
         high = values.values.max()
-        listed = values.values if few else None
+        listed = None
+        if few:
+            listed = values.values
         return {"unit": values.attrs["units"], "low": low, "high": high, "values": listed}
 
     return {
@@ -44,8 +53,8 @@ def summary(dataset: "xarray.Dataset", listing_limit: int = 10_000) -> dict[str,
         "failed_by_status": dict(Counter(map(str, failed)).most_common()),
         "variables": {name: variable(dataset[name]) for name in variables},
         "quantities": {name: _quantity(dataset, name, few) for name in quantities},
-        "ok": ok if few else None,
-        "status": ended if few else None,
+        "ok": listed_ok,
+        "status": listed_status,
     }
 
 
@@ -56,8 +65,12 @@ def _quantity(dataset, name: str, few: bool) -> dict[str, Any]:
     curve = None
     if ranked and data.ndim == 2 and dataset[name].dims != ("sample",):
         keys = ("across", "best", "between", "value")
-        columns = (column.tolist() for column in map(np.asarray, best_curve(dataset, name)))
-        points = [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
+        columns = []
+        for column in best_curve(dataset, name):
+            columns.append(np.asarray(column).tolist())
+        points = []
+        for row in zip(*columns, strict=True):
+            points.append(dict(zip(keys, row, strict=True)))
         along_dim, across_dim = map(str, dataset[name].dims)
         curve = {"along": along_dim, "across": across_dim, "points": points}
     good = data[np.isfinite(data)]
@@ -67,13 +80,19 @@ def _quantity(dataset, name: str, few: bool) -> dict[str, Any]:
         levels = dict(zip(map(str, _SHARES), np.percentile(good, _SHARES), strict=True))
         numbers = (good.min(), good.max(), good.mean(), good.std(), levels)
         statistics = dict(zip(keys, numbers, strict=True))
+    best = None
+    if ranked:
+        best = best_design(dataset, name)
+    listed = None
+    if few:
+        listed = data
     return {
         "unit": attributes["units"],
         "better": attributes["better"],
         **statistics,
-        "best": best_design(dataset, name) if ranked else None,
+        "best": best,
         "best_curve": curve,
-        "values": data if few else None,
+        "values": listed,
     }
 
 

@@ -43,14 +43,22 @@ class Permitted(NamedTuple):
 def nested(study: Any) -> dict[str, Any]:
     """Variables, quantities and limits of `Tolerances`, nested."""
     ok = study.sampled.ok
-    correlations = [{"between": pair, "value": value} for pair, value in study.scatter.given]
+    variables = {}
+    for place, name in enumerate(study.variables):
+        variables[name] = _variable(study, place)
+    correlations = []
+    for pair, value in study.scatter.given:
+        correlations.append({"between": pair, "value": value})
+    quantities = {}
+    for place, name in enumerate(study.names):
+        quantities[name] = _quantity(study, place)
     return {
         "corrections": dict(study.problem.design.corrections),
-        "variables": {name: _variable(study, place) for place, name in enumerate(study.variables)},
+        "variables": variables,
         "correlations": correlations,
         "samples": len(ok),
         "failed": int((~ok).sum()),
-        "quantities": {name: _quantity(study, place) for place, name in enumerate(study.names)},
+        "quantities": quantities,
         "limits": [_limit(study, risk) for risk in study.reliability],
         "remarks": study.remarks,
     }
@@ -72,20 +80,23 @@ def _quantity(study: Any, place: int) -> dict[str, Any]:
     levels = [None] * len(_PERCENTILES)
     if sampled.ok.sum() > 1:
         levels = sampled.quantile([*_PERCENTILES.values()])[:, place]
-    keys = ("mean", "mean_error", "deviation", "deviation_error", "skewness")
-
-    def contributor(variable, share):
+    statistics = {}
+    for key in ("mean", "mean_error", "deviation", "deviation_error", "skewness"):
+        statistics[key] = getattr(sampled, key)[place]
+    contributors = []
+    for variable, share in study.ranking(name):
         low, high = study.swings[:, study.variables.index(variable), place]
-        return {"variable": variable, "share": share, "at_low_limit": low, "at_high_limit": high}
-
+        contributors.append(
+            {"variable": variable, "share": share, "at_low_limit": low, "at_high_limit": high}
+        )
     return {
         "unit": study.problem.units[place],
         "nominal": study.value[place],
-        **{key: getattr(sampled, key)[place] for key in keys},
+        **statistics,
         "percentiles": dict(zip(_PERCENTILES, levels, strict=True)),
         "first_order": _moments(study.first_order, place),
         "second_order": _moments(study.second_order, place),
-        "contributors": [contributor(*pair) for pair in study.ranking(name)],
+        "contributors": contributors,
     }
 
 
@@ -96,7 +107,9 @@ def _moments(moments: Any, place: int) -> dict[str, Any] | None:
 
 
 def _limit(study: Any, risk: Any) -> dict[str, Any]:
-    design = dict(zip(study.variables, risk.design, strict=True))
+    design = None
+    if all(map(math.isfinite, risk.design)):
+        design = dict(zip(study.variables, risk.design, strict=True))
     return {
         "quantity": risk.limit.quantity,
         "bound": risk.limit.bound,
@@ -104,7 +117,7 @@ def _limit(study: Any, risk: Any) -> dict[str, Any]:
         **fields_of(risk, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
         **fields_of(risk, "near_points", "near_points_error"),
         "nearest_points": len(risk.points),
-        "most_likely_design": design if all(map(math.isfinite, risk.design)) else None,
+        "most_likely_design": design,
         "importance": dict(zip(study.variables, risk.importance, strict=True)),
     }
 
@@ -115,10 +128,10 @@ def sentences(study: Any, permitted: Sequence[Permitted]) -> Iterator[str]:
     for risk in study.reliability:
         look = study.shown(risk.limit.quantity)
         side = "exceed" if risk.limit.above else "fall below"
-        low, high = (f"{100 * end:.2g}" for end in risk.sampled_interval)
+        low, high = risk.sampled_interval
         yield (
             f"About {100 * risk.sampled:.2g} % of the machines {side} {look.text(risk.limit.bound)} "
-            f"({look.words.lower()}; {low} to {high} % with 95 % confidence). "
+            f"({look.words.lower()}; {100 * low:.2g} to {100 * high:.2g} % with 95 % confidence). "
             f"{_causes(study, risk.limit.quantity)}"
         )
     for place, name in enumerate(study.names):
@@ -145,7 +158,10 @@ def sentences(study: Any, permitted: Sequence[Permitted]) -> Iterator[str]:
 
 
 def _causes(study: Any, name: str) -> str:
-    ranked = [(variable, share) for variable, share in study.ranking(name) if math.isfinite(share)]
+    ranked = []
+    for variable, share in study.ranking(name):
+        if math.isfinite(share):
+            ranked.append((variable, share))
     if not ranked:
         return ""
     (first, largest), *following = ranked[:3]

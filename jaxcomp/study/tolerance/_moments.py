@@ -271,7 +271,9 @@ def solved_rows(
     width = _WIDE
     if problem.options.known is None:
         width = default_width(problem, devices)
-    size = _SLOW_BLOCK if solves_gas(problem) else _BLOCK
+    size = _BLOCK
+    if solves_gas(problem):
+        size = _SLOW_BLOCK
     # the first one is small, so that a forecast of the rest comes early
     edges = sorted({0, *range(min(width, size), len(rows), size), len(rows)})
     blocks = ((first, rows[first:end]) for first, end in pairwise(edges))

@@ -130,8 +130,13 @@ class _LimitState:
             slope = np.where(solutions.ok[:, None], sign * slope, np.nan)
             for point, distance, gradient in zip(new, beyond, slope, strict=True):
                 self.solutions[point.tobytes()] = distance, gradient
-        values, slopes = zip(*(self.solutions[p.tobytes()] for p in points), strict=True)
-        return np.array(values), np.stack(slopes)
+        distances = []
+        gradients = []
+        for point in points:
+            distance, gradient = self.solutions[point.tobytes()]
+            distances.append(distance)
+            gradients.append(gradient)
+        return np.array(distances), np.stack(gradients)
 
     def bent(self, point) -> tuple[float, np.ndarray, np.ndarray]:
         """Value, slope (n,) and curvature (n, n), by differences of slopes, at a point (n,)."""
@@ -196,7 +201,9 @@ class _LimitState:
         """The probability by curvature; NaN where the limit bends too much."""
         total = 0.0
         # Of a mean machine that breaks the limit the nearest point alone bounds what is safe.
-        for point in points[:1] if failed else points:
+        if failed:
+            points = points[:1]
+        for point in points:
             beta = np.linalg.norm(point)
             _, slope, bent = self.bent(point)
             steep = np.linalg.norm(slope)
@@ -208,7 +215,9 @@ class _LimitState:
             if not np.all(growth > _STRAIGHT):
                 return np.nan
             total += stats.norm.sf(beta) / np.sqrt(np.prod(growth))
-        return float(1 - total if failed else min(1.0, total))
+        if failed:
+            return float(1 - total)
+        return float(min(1.0, total))
 
     def about(self, points, count: int, seed: int) -> tuple[float, float]:
         """The probability by samples about the points, and its standard error."""
@@ -243,7 +252,8 @@ def reliability(
     and solved; none for 0. If that is left open, half as many as plain samples and 4096 at most.
     """
     state = _LimitState(problem, scatter, nominal, limit, progress)
-    around = min(len(samples.ok) // 2, 4096) if around is None else around
+    if around is None:
+        around = min(len(samples.ok) // 2, 4096)
     share, interval = _sampled_share(limit, samples.values[samples.ok, state.place])
     points = state.nearest_points()
     undefined = np.full(len(nominal), np.nan)

@@ -19,7 +19,7 @@ from ..._core.extremes import maximum
 from ...machine import HasMachine, Machine, machine_of
 from .. import DesignResult, variable
 from .._problem import RequestedQuantity, name_of, value_of
-from .._variables import by_name, changed
+from .._variables import by_name, changed, current_values
 from ._answer import Permitted
 from ._moments import solved_rows
 from ._scatter import Correlations, Within, drawn_normals, scatter_of
@@ -55,7 +55,7 @@ class Robust:
 
     def sample(self, result: DesignResult) -> Float[Array, " samples"]:
         """[SI] The quantity of every machine of the scatter."""
-        nominal = jnp.stack([jnp.asarray(v.current(result.design), float) for v in self._variables])
+        nominal = current_values(result.design, self._variables)
 
         def quantity(normals):
             design = changed(result.design, self._variables, self._scatter.at(nominal, normals))

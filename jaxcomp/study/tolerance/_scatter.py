@@ -112,7 +112,11 @@ def within(
     Raises:
         BadInput: limits that do not rise, an unknown distribution, or sigmas out of bounds.
     """
-    low, high = tolerance if isinstance(tolerance, tuple) else (-tolerance, tolerance)
+    if isinstance(tolerance, tuple):
+        low, high = tolerance
+    else:
+        low = -tolerance
+        high = tolerance
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
         raise BadInput("tolerance", f"{low:g} to {high:g}", "a finite range that rises")
     if distribution not in get_args(Distribution):
@@ -148,7 +152,9 @@ class Scatter(NamedTuple):
     ) -> Float[Array, "*batch n"]:
         """[SI] Values of the variables with these nominal values [SI], at u [-]."""
         z = normals @ self.root.T
-        columns = [band.at(z[..., i]) for i, band in enumerate(self.tolerances.values())]
+        columns = []
+        for number, band in enumerate(self.tolerances.values()):
+            columns.append(band.at(z[..., number]))
         return nominal + jnp.stack(columns, -1) * self._scale(nominal)
 
     def mean(self, nominal: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -262,5 +268,5 @@ def drawn_normals(
     names: list[str], count: int, sampling: Sampling, seed: int
 ) -> Float[np.ndarray, "count names"]:
     """[-] Independent standard normal variables, a column each."""
-    points = SamplePoints({name: normal(0.0, 1.0) for name in names}, count, sampling, seed)
+    points = SamplePoints(dict.fromkeys(names, normal(0.0, 1.0)), count, sampling, seed)
     return points.rows((slice(0, count),))

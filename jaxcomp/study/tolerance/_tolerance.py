@@ -215,7 +215,10 @@ def tolerance(
         tolerances = by_name(machine_of(scene), tolerances)
         # Whatever has a limit is computed as well.
         names = [name_of(quantity) for quantity in quantities or ()]
-        quantities = [*(quantities or ()), *(name for name in limits if name not in names)]
+        quantities = [*(quantities or ())]
+        for name in limits:
+            if name not in names:
+                quantities.append(name)
     scatter = scatter_of(tolerances, correlations)
     problem = problem_of(scene, "tolerances", tuple(scatter.tolerances), quantities, options)
     checked_limits = _limits(limits, problem)
@@ -227,7 +230,9 @@ def tolerance(
     excess = jnp.array([band.excess for band in scatter.tolerances.values()])
     expansion = local(problem, scatter.mean(nominal), deviation, curvature)
     if samples is None:
-        samples = _FEW if solves_gas(problem) else _MANY
+        samples = _MANY
+        if solves_gas(problem):
+            samples = _FEW
     monte_carlo = sampled(
         problem, scatter, nominal, samples, sampling, seed, progress, client, keep
     )
@@ -235,10 +240,12 @@ def tolerance(
     second_order = None
     if expansion.curvature is not None:
         second_order = moments(expansion, covariance, excess)
-    risks = [
-        reliability(problem, scatter, nominal, limit, monte_carlo, seed=seed, progress=progress)
-        for limit in checked_limits
-    ]
+    risks = []
+    for limit in checked_limits:
+        risk = reliability(
+            problem, scatter, nominal, limit, monte_carlo, seed=seed, progress=progress
+        )
+        risks.append(risk)
     return Tolerances(
         problem=problem,
         scatter=scatter,
