@@ -80,8 +80,10 @@ class MainBearings(Part):
         if self.names is None and isinstance(self.bearings, tuple):
             names = []
             for number, bearing in enumerate(self.bearings, 1):
-                named = isinstance(bearing, NamedBearing)
-                names.append(bearing.name if named else f"main_{number}")
+                name = f"main_{number}"
+                if isinstance(bearing, NamedBearing):
+                    name = bearing.name
+                names.append(name)
             self.names = tuple(names)
 
     def __check_init__(self):
@@ -121,7 +123,7 @@ class MainBearings(Part):
             return _beam(self._positions(), places, self.stiffness, self.bending_stiffness)
         if self.shaft == "rotor" and len(self.bearings) > 2:
             raise BadInput("shaft", "rotor", "of a machine with a rotor that `loads.crank` joins")
-        return jnp.stack([share + lever * places for share, lever in self.line()])
+        return jnp.stack(along_lines(self.line(), places))
 
     def line(self):
         """Shares of each bearing of a force at the origin [-] and of a moment there [1/m]."""
@@ -148,22 +150,25 @@ class MainBearings(Part):
             rate: [rad/s] of rotation.
             mass: [kg] of the shaft, whose weight is on the thrust bearing.
         """
-        forces = Vector(*(jnp.stack(part) for part in zip(*reactions.values(), strict=True)))
+        x_forces, y_forces = zip(*reactions.values(), strict=True)
+        forces = Vector(jnp.stack(x_forces), jnp.stack(y_forces))
 
         def loss(bearing, x, y):
             return shaft_loss(bearing, Vector(x, y), rate)
 
         if len(self.bearings) < 3:  # one after the other they share the program of a pin's film
-            each = zip(self.bearings, *forces, strict=True)
-            losses = [loss(bearing, x[None], y[None])[0] for bearing, x, y in each]
+            losses = []
+            for bearing, x, y in zip(self.bearings, *forces, strict=True):
+                losses.append(loss(bearing, x[None], y[None])[0])
         else:
             losses = mapped(loss, self.bearings, *forces)
         friction = dict(zip(reactions, losses, strict=True))
         drags = {"thrust_bearing": self.thrust_bearing, "pump": self.pump}
         weight = mass * STANDARD_GRAVITY
-        return friction | {
-            n: law.moment(rate, weight) for n, law in drags.items() if law is not None
-        }
+        for name, law in drags.items():
+            if law is not None:
+                friction[name] = law.moment(rate, weight)
+        return friction
 
 
 def shaft_losses(
@@ -204,6 +209,16 @@ def shares(
     arm = position - centre
     lever = weight * arm / jnp.sum(weight * arm**2)
     return list(zip(weight / total - centre * lever, lever, strict=True))
+
+
+def along_lines(lines, place) -> list:
+    """Shares that several receivers take of a force at a place [m] along the shaft.
+
+    Args:
+        lines: for each what it takes of a force at the origin, and of a moment [1/m].
+        place: of any shape.
+    """
+    return [share + lever * place for share, lever in lines]
 
 
 class ShaftBearings(MainBearings):
@@ -264,7 +279,9 @@ def _beam(
 def bearing_names(crankshaft: Any) -> tuple[str, ...]:
     """Names in results of the bearings of a crankshaft."""
     support = crankshaft.main_journal
-    return support.names or () if isinstance(support, MainBearings) else ("main_journal",)
+    if isinstance(support, MainBearings):
+        return support.names or ()
+    return ("main_journal",)
 
 
 def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
@@ -274,7 +291,9 @@ def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
         friction: the laws of a mechanism, or `None`.
         support: law of the shaft's journal, `MainBearings` or `None`.
     """
-    laws = {} if friction is None else dict(vars(friction))
+    laws = {}
+    if friction is not None:
+        laws |= vars(friction)
     if isinstance(support, MainBearings):
         laws |= dict(zip(support.names or (), support.bearings, strict=True))
     else:
@@ -284,8 +303,11 @@ def film_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
 
 def moving_journals(friction: Any, support: Any) -> dict[str, JournalBearing]:
     """Those whose orbits are solved; see `film_journals`."""
-    journals = film_journals(friction, support)
-    return {name: law for name, law in journals.items() if law.moves}
+    moving = {}
+    for name, journal in film_journals(friction, support).items():
+        if journal.moves:
+            moving[name] = journal
+    return moving
 
 
 def with_journal_positions(
@@ -306,8 +328,10 @@ def with_journal_positions(
         if name in positions:
             laws[name] = PlacedJournal(law, positions[name], lossless)
     if isinstance(support, MainBearings):
-        names = zip(support.names or (), support.bearings, strict=True)
-        support = replaced(support, bearings=tuple(laws.pop(name, law) for name, law in names))
+        bearings = []
+        for name, law in zip(support.names or (), support.bearings, strict=True):
+            bearings.append(laws.pop(name, law))
+        support = replaced(support, bearings=tuple(bearings))
     support = laws.pop("main_journal", support)
     if laws:
         friction = replaced(friction, **laws)
@@ -316,7 +340,8 @@ def with_journal_positions(
 
 def _weight(bearing: AbstractJournal) -> Float[Array, ""]:
     """[m^2] Projected area; one of a law that has no length."""
-    length, diameter = (getattr(bearing, name, None) for name in ("length", "diameter"))
+    length = getattr(bearing, "length", None)
+    diameter = getattr(bearing, "diameter", None)
     if length is None or diameter is None:
         return jnp.ones(())
     return length * diameter

@@ -11,6 +11,7 @@ each with a bearing of its own on the pin; fork-and-blade and articulated rods a
 machine with one cylinder has one throw with one bank, both at angle 0 unless it says otherwise.
 """
 
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -25,7 +26,7 @@ from .._core.fields import ANY, NONNEGATIVE, POSITIVE, Part, is_traced, quantity
 from ..film import AbstractJournal
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
 from ..mechanism._mechanism import turned_with
-from ._bearings import MainBearings
+from ._bearings import MainBearings, along_lines
 from ._throws import Throw, rod_places, throws_of
 
 # [rad] Between the crank angles of cylinders that would see the same one: fifty times the
@@ -159,7 +160,10 @@ class Crankshaft(Part):
         cranks = [throw.unbalance for throw in self.rows]
         if not self.balanced:
             return cranks
-        return [u + c for u, c in zip(cranks, _counterweights(mechanism, self), strict=True)]
+        unbalances = []
+        for crank, weight in zip(cranks, _counterweights(mechanism, self), strict=True):
+            unbalances.append(crank + weight)
+        return unbalances
 
     @property
     def bank_angle(self) -> Float[Array, " k"]:
@@ -169,14 +173,20 @@ class Crankshaft(Part):
     @property
     def throw_angle(self) -> Float[Array, " k"]:
         """[rad] t of every cylinder's pin."""
-        return jnp.concatenate([jnp.full(t.banks.shape, t.angle) for t in self.rows])
+        angles = []
+        for throw in self.rows:
+            angles.append(jnp.full(throw.banks.shape, throw.angle))
+        return jnp.concatenate(angles)
 
     @property
     def position(self) -> Float[Array, " k"]:
         """[m] z of every rod."""
         if self.places is not None:
             return self.places
-        return jnp.concatenate([t.position + t.rod_pitch * rod_places(t) for t in self.rows])
+        places = []
+        for throw in self.rows:
+            places.append(throw.position + throw.rod_pitch * rod_places(throw))
+        return jnp.concatenate(places)
 
     @property
     def phase(self) -> Float[Array, " k"]:
@@ -191,7 +201,9 @@ class Crankshaft(Part):
         sides: a panel between the two has to lie between them.
         """
         apart = _APART * np.arange(self.count)
-        return self.phase + apart if apart.any() else self.phase
+        if not apart.any():
+            return self.phase
+        return self.phase + apart
 
     @property
     def firing_intervals(self) -> Float[Array, " k"]:
@@ -224,7 +236,9 @@ class Crankshaft(Part):
 
     def joint(self, name: str, number: int) -> str:
         """Name in results of a joint of cylinder `number` >= 1; only several cylinders are numbered."""
-        return name if self.count == 1 else f"{name}_{number}"
+        if self.count == 1:
+            return name
+        return f"{name}_{number}"
 
     def second_rate(self, kinematics: AbstractKinematics, state: CrankState) -> Vector:
         """[1/s^2] Second time derivative of the unit vector along the crank at angle 0.
@@ -242,7 +256,10 @@ class Crankshaft(Part):
     def of_throws(self, values: Float[Array, "k *n"]) -> Float[Array, "t *n"]:
         """Sums of values of the cylinders over those of each throw."""
         ends = np.cumsum([throw.banks.size for throw in self.rows])[:-1]
-        return jnp.stack([jnp.sum(part, axis=0) for part in jnp.split(values, ends)])
+        sums = []
+        for values_of_throw in jnp.split(values, ends):
+            sums.append(jnp.sum(values_of_throw, axis=0))
+        return jnp.stack(sums)
 
     def along(
         self, values: Float[Array, " k"], like: Float[Array, "*n"]
@@ -252,7 +269,10 @@ class Crankshaft(Part):
 
     def turned(self, force: Vector, back: bool = False) -> Vector:
         """Vectors from the axes of each cylinder, x along it, to those of the machine, or back."""
-        angle = self.along(-self.bank_angle if back else self.bank_angle, force.x[0])
+        bank_angle = self.bank_angle
+        if back:
+            bank_angle = -bank_angle
+        angle = self.along(bank_angle, force.x[0])
         c, s = jnp.cos(angle), jnp.sin(angle)
         return Vector(c * force.x - s * force.y, s * force.x + c * force.y)
 
@@ -273,22 +293,26 @@ class Crankshaft(Part):
                 (1, 0) for all of the force, (0, 1) for the moment.
             influence: (m, t) what they take of forces at t places [m], where that is no straight line.
         """
-        vectors = self._crank_vectors(mechanism, line, influence)
-        return [turned_with(*vector, second) for vector in vectors]
+        pulls = []
+        for vector in self._crank_vectors(mechanism, line, influence):
+            pulls.append(turned_with(*vector, second))
+        return pulls
 
     def _crank_vectors(self, mechanism: AbstractMechanism, line, influence=None):
         """(2,) What each takes of the unbalances, along the crank at angle 0 and ahead of it."""
-        rows = self.rows
-        angle = jnp.stack([throw.angle for throw in rows])
-        place = jnp.stack([throw.position for throw in rows])
+        angles = []
+        places = []
+        for throw in self.rows:
+            angles.append(throw.angle)
+            places.append(throw.position)
+        angle = jnp.stack(angles)
+        place = jnp.stack(places)
         vectors = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
         # An unbalance turns with its throw, ahead of the crank at angle 0 by the throw's angle.
         vectors *= jnp.stack(self.unbalances(mechanism))
         if influence is None:
-            reactions = [share + lever * place for share, lever in line]
-        else:
-            reactions = influence(place)
-        for (share, lever), reaction in zip(line, reactions, strict=True):
+            influence = partial(along_lines, line)
+        for (share, lever), reaction in zip(line, influence(place), strict=True):
             vector = vectors @ reaction
             if self.shaft_unbalance is not None:
                 vector = vector + share * self.shaft_unbalance
@@ -333,11 +357,11 @@ def counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> Cran
         crankshaft: its unbalances at the throws do not matter.
     """
     weights = _counterweights(mechanism, crankshaft)
-    throws = tuple(
-        replaced(throw, unbalance=u) for throw, u in zip(crankshaft.rows, weights, strict=True)
-    )
+    throws = []
+    for throw, weight in zip(crankshaft.rows, weights, strict=True):
+        throws.append(replaced(throw, unbalance=weight))
     none = jnp.zeros_like(crankshaft.unbalance)
-    return rebuilt(crankshaft, throws=throws, layout=None, balanced=False, unbalance=none)
+    return rebuilt(crankshaft, throws=tuple(throws), layout=None, balanced=False, unbalance=none)
 
 
 def _counterweights(mechanism: AbstractMechanism, crankshaft: Crankshaft) -> list[Float[Array, ""]]:

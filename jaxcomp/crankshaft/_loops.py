@@ -19,7 +19,7 @@ from .._core.extremes import max_of
 from ..film import AbstractJournal
 from ..friction import AbstractJointLoop, JointLoads, Marks, joint_loop
 from ..mechanism import AbstractKinematics, AbstractMechanism, CrankState, Vector
-from ._bearings import MainBearings, bearing_names, shaft_losses
+from ._bearings import MainBearings, along_lines, bearing_names, shaft_losses
 from ._crankshaft import Crankshaft
 
 
@@ -64,9 +64,14 @@ class MachineLoops(eqx.Module):
         loss = jnp.sum(carried.loss, axis=0) + sum(self._shaft_losses(reactions).values(), 0.0)
         shaft = self._near_zero(reactions)
         # each mark has a row for every cylinder
-        kinks, along_x, along_y = (tuple(chain.from_iterable(group)) for group in marks)
-        shaft_x = [force.x for force in shaft]
-        shaft_y = [force.y for force in shaft]
+        kinks = tuple(chain.from_iterable(marks.kinks))
+        along_x = tuple(chain.from_iterable(marks.along_x))
+        along_y = tuple(chain.from_iterable(marks.along_y))
+        shaft_x = []
+        shaft_y = []
+        for force in shaft:
+            shaft_x.append(force.x)
+            shaft_y.append(force.y)
         return loss, (*kinks, *along_x, *shaft_x, *along_y, *shaft_y)
 
     def total_loss(self, carried: Carried) -> Float[Array, "*n"]:
@@ -123,11 +128,19 @@ class MachineLoops(eqx.Module):
             for joint, loss in each.loss_torque.items():
                 losses[shaft.joint(joint, place + 1)] = loss[place]
         shape = (-1, *self.speed.shape)
-        minima = [each.minima.reshape(shape), *(f.x[None] for f in self._near_zero(reactions))]
+        minima = [each.minima.reshape(shape)]
+        for shaft_load in self._near_zero(reactions):
+            minima.append(shaft_load.x[None])
+        for name, reaction in reactions.items():
+            forces[name] = reaction.stacked()
+        losses |= self._shaft_losses(reactions)
+        residual = None
+        if each.residual is not None:
+            residual = max_of(jnp.abs(each.residual), axis=0)
         return JointLoads(
-            forces=forces | {name: force.stacked() for name, force in reactions.items()},
-            loss_torque=losses | self._shaft_losses(reactions),
-            residual=None if each.residual is None else max_of(jnp.abs(each.residual), axis=0),
+            forces=forces,
+            loss_torque=losses,
+            residual=residual,
             margin=each.margin,
             kinks=each.kinks.reshape(shape),
             minima=jnp.concatenate(minima),
@@ -160,7 +173,9 @@ def machine_loops(
         jnp.broadcast_to(state.speed, shape),
         jnp.broadcast_to(state.acceleration, shape),
     )
-    own_gravity = None if gravity is None else crankshaft.own_gravity(gravity, state.angle)
+    own_gravity = None
+    if gravity is not None:
+        own_gravity = crankshaft.own_gravity(gravity, state.angle)
     support: AbstractJournal | MainBearings | None = crankshaft.main_journal
     # A single journal takes all of the force and none of the moment.
     line = [(1.0, 0.0)]
@@ -176,7 +191,7 @@ def machine_loops(
         weight = crankshaft.mass * gravity
         centre = crankshaft.mass_centre
         # The bearings push the shaft: its mass times acceleration, less its weight.
-        parts = [share + lever * centre for share, lever in line]
+        parts = along_lines(line, centre)
         pulls_without_weight = []
         for pull, part in zip(pulls, parts, strict=True):
             pulls_without_weight.append(

@@ -54,7 +54,7 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
         spacing = float(fan[2])
         times = int(fan[3] or 1)
         count = {"v": 2, "l": 2, "w": 3, "vv": 4}[kind]
-        banks = [[(i - 0.5 * (count - 1)) * spacing for i in range(count)]]
+        banks = [_fan(count, spacing)]
     elif flat and (flat[2] or flat[1] not in ("inline", "radial")):
         kind = flat[1]
         count = int(flat[2] or 2)
@@ -62,7 +62,7 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
         if kind == "radial":
             if not 1 <= count <= _MOST:
                 times = 0
-            banks = [[i * 360 / count for i in range(min(count, _MOST))]]
+            banks = [_star(min(count, _MOST))]
         elif kind == "opposed":
             banks = [[0.0, 180.0]]
         else:
@@ -79,11 +79,24 @@ def throws_of(name: str) -> list[tuple[float, list[float]]]:
         raise BadInput("layout", name, f"a layout such as {examples}")
     mirrored = times % 2 == 0 and times > 2
     distinct = times // 2 if mirrored else times
-    angles = [i * 360 / distinct for i in range(distinct)]
+    angles = _star(distinct)
     # An in-line crank that is its own mirror image leaves no couple of any order.
     if mirrored:
         angles += angles[::-1]
-    return [(angle, banks[i % len(banks)]) for i, angle in enumerate(angles)]
+    throws = []
+    for i, angle in enumerate(angles):
+        throws.append((angle, banks[i % len(banks)]))
+    return throws
+
+
+def _fan(count: int, spacing: float) -> list[float]:
+    """[deg] Directions at equal angles from one to the next, about 0."""
+    return [(i - 0.5 * (count - 1)) * spacing for i in range(count)]
+
+
+def _star(count: int) -> list[float]:
+    """[deg] Directions evenly round a revolution, from 0."""
+    return [i * 360 / count for i in range(count)]
 
 
 def rod_places(throw: Throw) -> np.ndarray:

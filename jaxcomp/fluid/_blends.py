@@ -125,7 +125,8 @@ def component_name(name: str) -> str:
         BadInput: an unknown fluid, a blend, or a pseudo-pure fluid, which is a blend.
     """
     spellings = {fluid.lower(): fluid for fluid in fluids()}
-    spellings |= {key.lower(): fluid for key, fluid in SYNONYMS.items()}
+    for synonym, fluid in SYNONYMS.items():
+        spellings[synonym.lower()] = fluid
     for fluid in fluids():
         chemical_name = fluid_data(fluid)["description"].replace(" ", "_").lower()
         spellings[chemical_name] = fluid
@@ -157,9 +158,8 @@ def stored_lines(components: tuple[str, ...], mass_fractions: np.ndarray) -> Sat
     """Lines of a blend with this composition, if they came with the library."""
     for name in _lines_by_components().get(frozenset(components), ()):
         fractions = blends()[name].mass_fractions
-        if np.allclose(
-            [fractions[component] for component in components], mass_fractions, rtol=0, atol=1e-9
-        ):
+        listed = [fractions[component] for component in components]
+        if np.allclose(listed, mass_fractions, rtol=0, atol=1e-9):
             return _lines(name, components)
     return None
 
@@ -167,13 +167,15 @@ def stored_lines(components: tuple[str, ...], mass_fractions: np.ndarray) -> Sat
 def _lines(name: str, components: tuple[str, ...]) -> SaturationLines:
     path = files(__package__).joinpath("data", "mixtures", "lines", f"{name}.json")
     row = json.loads(path.read_text())
-    fractions = np.array([*blends()[name].mass_fractions.values()])
+    listed = blends()[name].mass_fractions
+    fractions = np.array([*listed.values()])
     fractions = fractions / fractions.sum()
     coefficients = COEFFICIENT_UNIT * padded(row["coefficients"])
     slopes = SLOPE_UNIT * padded(row["slopes"])
     # fractions are normalised: one in proportion with all others changes nothing
     last_slope = -np.tensordot(fractions[:-1], slopes, 1) / fractions[-1]
-    order = [list(blends()[name].mass_fractions).index(component) for component in components]
+    listed_components = list(listed)
+    order = [listed_components.index(component) for component in components]
     return SaturationLines(
         ends=jnp.asarray(row["ends"]),
         coefficients=jnp.asarray(coefficients),

@@ -155,7 +155,9 @@ def _marched(phases: PhaseModel, drop: _Drop, z) -> Line | None:
         points.append(point.unknowns[0])
         if separation(points[-1]) < _NEAR_CRITICAL or point.T[0] > _HOTTEST:
             break
-    return Line(np.array(temperatures), np.array(points)) if len(points) > 4 else None
+    if len(points) < 5:
+        return None
+    return Line(np.array(temperatures), np.array(points))
 
 
 def _warmest(phases: PhaseModel, curves: list[Line], z) -> DewCurve:

@@ -60,9 +60,10 @@ class PhaseModel:
                 keys.append((int(first), int(second), float(factor)))
         groups = sorted(set(keys))
         place = {key: index for index, key in enumerate(groups)}
-        self._first = np.array([first for first, _, _ in groups])
-        self._second = np.array([second for _, second, _ in groups])
-        self._factor = np.array([factor for _, _, factor in groups])
+        first_places, second_places, factors = zip(*groups, strict=True)
+        self._first = np.array(first_places)
+        self._second = np.array(second_places)
+        self._factor = np.array(factors)
         self._is_pair = self._second < count
         rows = np.array([place[key] for key in keys])
         # sorted, so that a group is a run of rows: a product with a matrix of ones took most of the time
@@ -102,9 +103,9 @@ class PhaseModel:
         # Rows of a component have the number behind the last one as their second, with a factor of one.
         padded = np.concatenate([x, np.ones_like(x[:, :1])], axis=1)
         weights = self._factor * padded[:, self._first] * padded[:, self._second]
-        energy, delta_slope, tau_slope = (
-            (weights * sums).sum(1) for sums in (value, along_d, along_t)
-        )
+        energy = (weights * value).sum(1)
+        delta_slope = (weights * along_d).sum(1)
+        tau_slope = (weights * along_t).sum(1)
         # by the composition at the same tau and delta
         gradient = np.zeros_like(x, dtype=np.result_type(x, value))
         by_first = self._factor * padded[:, self._second] * value
@@ -149,10 +150,9 @@ class PhaseModel:
         delta = delta[:, None]
         log_tau = np.log(tau)
         log_delta = np.log(delta)
-        rows = [
-            _RULES[family](table.T, tau, delta, log_tau, log_delta)
-            for family, table in self.model.residual.items()
-        ]
+        rows = []
+        for family, table in self.model.residual.items():
+            rows.append(_RULES[family](table.T, tau, delta, log_tau, log_delta))
 
         def by_group(parts):
             terms = np.concatenate(parts, axis=1)[:, self._order]
@@ -399,7 +399,8 @@ def point_near(model: PhaseModel, T: float, pressure, z, other, dew: bool) -> tu
         # f_i = x_i phi_i p in both: what the other phase should have of each component
         ratio = np.exp(phases.log_fugacity[0] - phases.log_fugacity[1])
         other = other * ratio
-        pressure = pressure / other.sum() if dew else pressure * other.sum()
+        total = other.sum()
+        pressure = pressure / total if dew else pressure * total
     start = np.concatenate([densities, np.log(np.maximum(other / other.sum(), _FEW_AT_FIRST))])
     return solved(model, z[None], Line(np.array([T]), start[None]))
 
@@ -407,7 +408,9 @@ def point_near(model: PhaseModel, T: float, pressure, z, other, dew: bool) -> tu
 def march(model: PhaseModel, components, z, least: float, dew: bool) -> Line | None:
     """Points along a line from a temperature [K] to near the critical point, or `None` without any."""
     line, good = first_point(model, components, least, z, dew)
-    return _continued(model, z, line) if good[0] else None
+    if not good[0]:
+        return None
+    return _continued(model, z, line)
 
 
 def march_beside(model: PhaseModel, z, neighbour: Line) -> Line | None:

@@ -49,7 +49,11 @@ class Saturation(NamedTuple):
 def fluids() -> list[str]:
     """Names of the fluids in the library."""
     entries = files(__package__).joinpath("data").iterdir()
-    return sorted(entry.name[:-5] for entry in entries if entry.name.endswith(".json"))
+    names = []
+    for entry in entries:
+        if entry.name.endswith(".json"):
+            names.append(entry.name.removesuffix(".json"))
+    return sorted(names)
 
 
 @cache
@@ -69,8 +73,10 @@ def _known_names(name: str) -> str:
     """The fluids as the bound of a name, with the one that is near by its name or its chemical name."""
     blends = files(__package__).joinpath("data", "mixtures", "blends.json")
     spellings = {blend.lower(): blend for blend in json.loads(blends.read_text())}
-    spellings |= {fluid.lower(): fluid for fluid in fluids()}
-    spellings |= {fluid_data(fluid)["description"]: fluid for fluid in fluids()}
+    for fluid in fluids():
+        spellings[fluid.lower()] = fluid
+    for fluid in fluids():
+        spellings[fluid_data(fluid)["description"]] = fluid
     further = f"{len(fluids()) - len(_USUAL)} others, which `jaxcomp list fluids` names, or a blend"
     bound = f"one of {', '.join(_USUAL)}, {further}"
     if near := nearest(name.lower(), spellings):
@@ -82,7 +88,9 @@ def arrays(tree: Any) -> Any:
     """A tree of a data file with its lists of numbers as arrays."""
     if isinstance(tree, dict):
         return {key: arrays(value) for key, value in tree.items()}
-    return np.array(tree, float) if isinstance(tree, list) else tree
+    if isinstance(tree, list):
+        return np.array(tree, float)
+    return tree
 
 
 @cache
@@ -101,7 +109,9 @@ def ancillary_pressure(curve: dict, T) -> np.ndarray:
     total = np.sum(curve["n"] * theta ** curve["t"], axis=-1)
     if curve["form"] == "sum":
         return curve["reducing_value"] * (1 + total)
-    ratio = curve["T_r"] / T if curve["form"] == "exponential of tau" else 1.0
+    ratio = 1.0
+    if curve["form"] == "exponential of tau":
+        ratio = curve["T_r"] / T
     return curve["reducing_value"] * np.exp(ratio * total)
 
 
@@ -119,7 +129,9 @@ def ancillary(curve: dict, T):
     total = jnp.sum(curve["n"] * theta ** curve["t"])
     if curve["form"] == "sum":
         return curve["reducing_value"] * (1 + total)
-    ratio = curve["T_r"] / T if curve["form"] == "exponential of tau" else 1.0
+    ratio = 1.0
+    if curve["form"] == "exponential of tau":
+        ratio = curve["T_r"] / T
     return curve["reducing_value"] * jnp.exp(ratio * total)
 
 
@@ -193,7 +205,7 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
             # delta^l of the few whole numbers l that occur, without an exponential; l = 0 marks terms
             # that have no exp(-delta^l)
             powers, place = np.unique(columns[3].ravel().astype(int), return_inverse=True)
-            x = jnp.stack([delta ** int(l) if l else 0 * delta for l in powers])[place]
+            x = _whole_powers(delta, powers)[place]
             power = columns[3]
             q = d - power * x
             q_1 = -power * power * x
@@ -226,6 +238,17 @@ def residual_terms(residual: Mapping[str, np.ndarray | Weighted], tau, delta):
         rows = (x, x * q, x * (q * (q - 1) + q_1), x * r, x * (r * (r - 1) + r_1), x * q * r)
         total.append([jnp.sum(row, 0) for row in rows])
     return [sum(rows) for rows in zip(*total, strict=True)]
+
+
+def _whole_powers(delta, powers):
+    """(powers, *delta) delta^l of whole numbers l; zero, and not one, where l is zero."""
+    rows = []
+    for l in powers:
+        if l:
+            rows.append(delta ** int(l))
+        else:
+            rows.append(0 * delta)
+    return jnp.stack(rows)
 
 
 def _non_analytic(columns, tau, delta):

@@ -134,10 +134,9 @@ class MultiFluid(NamedTuple):
         lead = amounts @ self.lead
         # x ln x is zero without the component, and its derivative must stay finite
         logs = amounts * jnp.log(jnp.where(x > 0, x, 1.0))
-        tables = {
-            family: Weighted(table, amounts[self.ideal_of[family]])
-            for family, table in self.ideal.items()
-        }
+        tables = {}
+        for family, table in self.ideal.items():
+            tables[family] = Weighted(table, amounts[self.ideal_of[family]])
         return {"lead": (lead[0] + jnp.sum(logs), lead[1]), "log": amounts @ self.log, **tables}
 
     def residual_terms(self, x, tau, delta) -> list:
@@ -145,10 +144,9 @@ class MultiFluid(NamedTuple):
         table = self.term_table
         total = table.residual(tau, delta, table.coefficients(x))
         if table.inseparable:
-            rows = {
-                family: Weighted(self.residual[family], self.weights[family].at(x))
-                for family in table.inseparable
-            }
+            rows = {}
+            for family in table.inseparable:
+                rows[family] = Weighted(self.residual[family], self.weights[family].at(x))
             row_sums = residual_terms(rows, tau, delta)
             total = [part + row_sum for part, row_sum in zip(total, row_sums, strict=True)]
         return total
@@ -187,7 +185,7 @@ class Pair(NamedTuple):
 @cache
 def pair_of(first: str, second: str, model: str = REFERENCE) -> Pair:
     """Two components in a model; Lorentz and Berthelot's rules where it has nothing for them."""
-    table = mixture_file("gerg2008")["pairs"] if model == GERG else mixture_file("pairs")
+    table = _pair_table(model)
     for names in ((first, second), (second, first)):
         row = table.get("+".join(names))
         if row is None:
@@ -228,12 +226,24 @@ def pair_of(first: str, second: str, model: str = REFERENCE) -> Pair:
     )
 
 
+def _pair_table(model: str) -> Mapping[str, Any]:
+    """The pairs of a model by their names, which a plus sign joins."""
+    if model == GERG:
+        return mixture_file("gerg2008")["pairs"]
+    return mixture_file("pairs")
+
+
 def _means(names: Sequence[str]) -> tuple[float, float]:
     """[K] Geometric mean of the reducing temperatures, [m^3/mol] cubic mean of the volumes."""
-    data = [fluid_data(name) for name in names]
-    T = [fluid["T_r"] for fluid in data]
-    edges = [(fluid["molar_mass"] / fluid["rho_r"]) ** (1 / 3) for fluid in data]
-    return float(np.sqrt(T[0] * T[1])), sum(edges) ** 3 / 8
+    first = fluid_data(names[0])
+    second = fluid_data(names[1])
+    mean_T = float(np.sqrt(first["T_r"] * second["T_r"]))
+    return mean_T, (_edge(first) + _edge(second)) ** 3 / 8
+
+
+def _edge(fluid: Mapping[str, Any]) -> float:
+    """[m/mol^(1/3)] Edge of a cube of a fluid's reducing volume."""
+    return (fluid["molar_mass"] / fluid["rho_r"]) ** (1 / 3)
 
 
 def pairs_of(components: Sequence[str], model: str = REFERENCE) -> list[Pair]:
@@ -295,8 +305,8 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
     gas_constant = GAS_CONSTANT
     if model == GERG:
         gas_constant = mixture_file("gerg2008")["gas_constant"]
-    T_r = np.array([part.T_r for part in parts])
-    v_r = np.array([part.v_r for part in parts])
+    T_r = _column(parts, "T_r")
+    v_r = _column(parts, "v_r")
     residual, weights = _residual_table(parts, pairs, place, model)
     ideal, ideal_of = _ideal_table(parts)
     lead = np.array([part.ideal["lead"] for part in parts])
@@ -304,16 +314,20 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
     # of each component's own variables T_i/T and rho v_i on 1/T and rho
     constant = lead[:, 0] + np.log(v_r) + log * np.log(T_r)
     limits, limited_by = _limits(components, model)
+    pair_places = []
+    for pair in pairs:
+        first, second = pair.names
+        pair_places.append((place[first], place[second]))
     return MultiFluid(
         gas_constant=gas_constant,
-        molar_mass=np.array([part.molar_mass for part in parts]),
+        molar_mass=_column(parts, "molar_mass"),
         T_r=T_r,
         v_r=v_r,
-        pairs=np.array([list(map(place.get, pair.names)) for pair in pairs]).T,
-        shape_T=np.array([pair.shape_T for pair in pairs]),
-        mean_T=np.array([pair.mean_T for pair in pairs]),
-        shape_v=np.array([pair.shape_v for pair in pairs]),
-        mean_v=np.array([pair.mean_v for pair in pairs]),
+        pairs=np.array(pair_places).T,
+        shape_T=_column(pairs, "shape_T"),
+        mean_T=_column(pairs, "mean_T"),
+        shape_v=_column(pairs, "shape_v"),
+        mean_v=_column(pairs, "mean_v"),
         residual=residual,
         weights=weights,
         term_table=TermTable(residual, weights),
@@ -321,10 +335,15 @@ def multi_fluid(components: tuple[str, ...], model: str = REFERENCE) -> MultiFlu
         ideal_of=ideal_of,
         lead=np.stack([constant, lead[:, 1] * T_r], axis=1),
         log=log,
-        ratio=np.array([part.gas_constant for part in parts]) / gas_constant,
+        ratio=_column(parts, "gas_constant") / gas_constant,
         limits=limits,
         limited_by=limited_by,
     )
+
+
+def _column(rows: Sequence[Component] | Sequence[Pair], attribute: str) -> np.ndarray:
+    """(rows,) one attribute of all components or of all pairs."""
+    return np.array([getattr(row, attribute) for row in rows])
 
 
 def _residual_table(parts, pairs: Sequence[Pair], place, model: str):
@@ -347,13 +366,15 @@ def _residual_table(parts, pairs: Sequence[Pair], place, model: str):
         take(part.residual, index, len(parts), 1.0)
     for pair in pairs:
         if pair.function:
-            first, second = (place[name] for name in pair.names)
-            take(functions[pair.function], first, second, pair.factor)
+            first, second = pair.names
+            take(functions[pair.function], place[first], place[second], pair.factor)
+    residual = {}
     weights = {}
-    for family, rows in places.items():
-        first, second, factor = np.array(rows).T
+    for family, rows in tables.items():
+        residual[family] = np.array(rows)
+        first, second, factor = np.array(places[family]).T
         weights[family] = Weights(first.astype(int), second.astype(int), factor)
-    return {family: np.array(rows) for family, rows in tables.items()}, weights
+    return residual, weights
 
 
 def _ideal_table(parts: Sequence[Component]):
@@ -361,30 +382,31 @@ def _ideal_table(parts: Sequence[Component]):
     power = []
     planck = []
     for index, part in enumerate(parts):
-        power += [(n * part.T_r**t, t, index) for n, t in np.reshape(part.ideal["power"], (-1, 2))]
-        planck += [
-            (n, c, d, theta * part.T_r, index)
-            for n, c, d, theta in np.reshape(part.ideal["planck"], (-1, 4))
-        ]
-    tables = {"power": np.reshape(power, (-1, 3)), "planck": np.reshape(planck, (-1, 5))}
-    ideal_of = {family: table[:, -1].astype(int) for family, table in tables.items()}
-    return {family: table[:, :-1] for family, table in tables.items()}, ideal_of
+        for n, t in np.reshape(part.ideal["power"], (-1, 2)):
+            power.append((n * part.T_r**t, t, index))
+        for n, c, d, theta in np.reshape(part.ideal["planck"], (-1, 4)):
+            planck.append((n, c, d, theta * part.T_r, index))
+    indexed = {"power": np.reshape(power, (-1, 3)), "planck": np.reshape(planck, (-1, 5))}
+    tables = {}
+    ideal_of = {}
+    for family, rows in indexed.items():
+        # the index of the component stands in the last column
+        tables[family] = rows[:, :-1]
+        ideal_of[family] = rows[:, -1].astype(int)
+    return tables, ideal_of
 
 
 def _limits(components: Sequence[str], model: str):
     """The tightest limits of all components, and the components that set them."""
     if model == GERG:
         table = mixture_file("gerg2008")
-        return tuple(table[key] for key in ("T_least", "T_most", "p_most")), (GERG,) * 3
+        return (table["T_least"], table["T_most"], table["p_most"]), (GERG,) * 3
     data = [fluid_data(name) for name in components]
-    ends = [
-        max(data, key=itemgetter("T_least")),
-        min(data, key=itemgetter("T_most")),
-        min(data, key=itemgetter("p_most")),
-    ]
-    keys = ("T_least", "T_most", "p_most")
-    values = tuple(float(end[key]) for end, key in zip(ends, keys, strict=True))
-    return values, tuple(end["name"] for end in ends)
+    of_cold = max(data, key=itemgetter("T_least"))
+    of_heat = min(data, key=itemgetter("T_most"))
+    of_pressure = min(data, key=itemgetter("p_most"))
+    limits = float(of_cold["T_least"]), float(of_heat["T_most"]), float(of_pressure["p_most"])
+    return limits, (of_cold["name"], of_heat["name"], of_pressure["name"])
 
 
 def checked_pairs(

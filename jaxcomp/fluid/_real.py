@@ -24,6 +24,13 @@ NEAR_SATURATION = 0.5
 _STEPS_OF_MEAN = 16
 
 
+def tools_for(*numbers) -> Any:
+    """`numpy` for known numbers, so that nothing is compiled; `jax.numpy` where one is traced."""
+    if any(map(is_traced, numbers)):
+        return jnp
+    return np
+
+
 class AbstractRealGas(AbstractFluid):
     """A fluid with a dew line and a liquid: a pure fluid, or a mixture."""
 
@@ -83,7 +90,9 @@ class AbstractRealGas(AbstractFluid):
 
         That of a natural gas is the warmest dew point of all that is in it; it has no bubble points here.
         """
-        return self.dew_temperature(p) if self.condenses else 0.0
+        if not self.condenses:
+            return 0.0
+        return self.dew_temperature(p)
 
     @abstractmethod
     def dew_temperature(self, p) -> Any:

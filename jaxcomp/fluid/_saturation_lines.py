@@ -88,10 +88,10 @@ def curve(coefficients, ends, T, tools=jnp):
         # of the Chebyshev polynomials and of their derivatives, whose cosines have none at the ends
         slopes.append(2 * terms[-1] + 2 * s * slopes[-1] - slopes[-2])
         terms.append(2 * s * terms[-1] - terms[-2])
-    along = [tools.stack(rows, axis=-1) for rows in (terms, slopes)]
-    value, slope = (
-        tools.where(upper, rows @ coefficients[1], rows @ coefficients[0]) for rows in along
-    )
+    polynomials = tools.stack(terms, axis=-1)
+    derivatives = tools.stack(slopes, axis=-1)
+    value = tools.where(upper, polynomials @ coefficients[1], polynomials @ coefficients[0])
+    slope = tools.where(upper, derivatives @ coefficients[1], derivatives @ coefficients[0])
     return value, slope * rate
 
 
@@ -142,7 +142,9 @@ def solve_lines(
         middle = critical - np.sqrt((critical - least) * (critical - top))
         ends = np.array([least, middle, top])
         # (n + 1, panel, 2, nodes): value and slopes, of pressure and density
-        dew, bubble = (_fitted(phases, mass_fractions, line, ends) for line in marched)
+        dew_line, bubble_line = marched
+        dew = _fitted(phases, mass_fractions, dew_line, ends)
+        bubble = _fitted(phases, mass_fractions, bubble_line, ends)
     if dew is None or bubble is None:
         return None
     order = np.stack([dew[:, :, 0], bubble[:, :, 0], dew[:, :, 1], bubble[:, :, 1]], axis=2)
@@ -164,7 +166,8 @@ def _marched(
     z = np.maximum(phases.model.mole_fractions(np.array(mass_fractions)), 1e-12)
     least = max(FIRST_T, np.ceil(phases.model.limits[0] + 0.1))
     with np.errstate(all="ignore"):
-        dew, bubble = (march(phases, components, z, least, is_dew) for is_dew in (True, False))
+        dew = march(phases, components, z, least, dew=True)
+        bubble = march(phases, components, z, least, dew=False)
     return _long_enough(dew, bubble)
 
 
@@ -179,7 +182,10 @@ def _marched_beside(
         return None
     phases = PhaseModel(multi_fluid(components, model))
     z = np.maximum(phases.model.mole_fractions(mass_fractions), 1e-12)
-    return _long_enough(*(march_beside(phases, z, neighbour) for neighbour in neighbours))
+    dew_neighbour, bubble_neighbour = neighbours
+    dew = march_beside(phases, z, dew_neighbour)
+    bubble = march_beside(phases, z, bubble_neighbour)
+    return _long_enough(dew, bubble)
 
 
 def _long_enough(dew: Line | None, bubble: Line | None) -> tuple[Line, Line] | None:
@@ -200,7 +206,10 @@ def _fitted(phases: PhaseModel, mass_fractions, line: Line, ends) -> np.ndarray 
     s = np.cos(angles)
     # in 1/T, over which the logarithms of pressure and density are nearly straight
     panels = pairwise(1 / np.asarray(ends))
-    inverse = np.concatenate([low + (s + 1) / 2 * (high - low) for low, high in panels])
+    nodes = []
+    for low, high in panels:
+        nodes.append(low + (s + 1) / 2 * (high - low))
+    inverse = np.concatenate(nodes)
     T = 1 / inverse
     rows = [np.interp(-inverse, -1 / line.T, column) for column in line.unknowns.T]
     z = np.tile(phases.model.mole_fractions(mass_fractions), (T.size, 1))

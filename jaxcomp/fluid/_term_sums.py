@@ -116,7 +116,8 @@ def _orders(order: int) -> list[tuple[int, int]]:
     """Orders of the derivatives over ln(delta) and ln(tau), up to a total."""
     orders = []
     for i in range(order + 1):
-        orders += [(i, j) for j in range(order + 1 - i)]
+        for j in range(order + 1 - i):
+            orders.append((i, j))
     return orders
 
 
@@ -139,12 +140,14 @@ def _slopes(linear, bent: tuple, bell: tuple, x, order: int) -> tuple:
         rates, place = np.unique(rate, return_inverse=True)
         part = factor * jnp.exp(rates.reshape((-1,) + (1,) * x.ndim) * x)[place.ravel()]
         value = value - part
-        slopes = [slope - rate ** (k + 1) * part for k, slope in enumerate(slopes)]
+        for k, slope in enumerate(slopes):
+            slopes[k] = slope - rate ** (k + 1) * part
     width, centre = bell
     if np.any(width):
         e = jnp.exp(x)
         value = value - width * (e - centre) ** 2
-        slopes = [slope - 2 * width * e * (2**k * e - centre) for k, slope in enumerate(slopes)]
+        for k, slope in enumerate(slopes):
+            slopes[k] = slope - 2 * width * e * (2**k * e - centre)
     return value, slopes
 
 
@@ -152,7 +155,10 @@ def _over_itself(slopes) -> list:
     """Derivatives of exp(f) over exp(f) itself, from the slopes of f."""
     ratios = [1.0]
     for k in range(len(slopes)):
-        ratios.append(sum(comb(k, m) * slopes[m] * ratios[k - m] for m in range(k + 1)))
+        ratio = 0
+        for m in range(k + 1):
+            ratio = ratio + comb(k, m) * slopes[m] * ratios[k - m]
+        ratios.append(ratio)
     return ratios
 
 
@@ -170,9 +176,10 @@ def _plain_sums(exponents, order: int, log_tau, log_delta, coefficients) -> tupl
     by_tau = _over_itself(tau_slopes)
     e = jnp.exp(along_delta + along_tau)
     # Mapped over points, products with one vector take half the time of as many sums.
-    return tuple(
-        jnp.tensordot(coefficients, e * (by_delta[i] * by_tau[j]), 1) for i, j in _orders(order)
-    )
+    sums = []
+    for i, j in _orders(order):
+        sums.append(jnp.tensordot(coefficients, e * (by_delta[i] * by_tau[j]), 1))
+    return tuple(sums)
 
 
 _sums = jax.custom_jvp(_plain_sums, nondiff_argnums=(0, 1))

@@ -37,16 +37,20 @@ class TransportFits(NamedTuple):
 @cache
 def transport_fits(components: tuple[str, ...]) -> TransportFits:
     """Polynomials of components."""
-    data = [fluid_data(name) for name in components]
-    fits = [fluid["transport"] for fluid in data]
-    return TransportFits(
-        molar_mass=np.array([fluid["molar_mass"] for fluid in data]),
-        T_r=np.array([fluid["T_r"] for fluid in data]),
-        T=np.array([fit["T"] for fit in fits]),
-        density_most=np.array([fluid["transport"]["rho_most"] / fluid["rho_r"] for fluid in data]),
-        viscosity=np.array([fit["viscosity"] for fit in fits]),
-        conductivity=np.array([fit["conductivity"] for fit in fits]),
-    )
+    rows = []
+    for name in components:
+        fluid = fluid_data(name)
+        fit = fluid["transport"]
+        row = TransportFits(
+            molar_mass=fluid["molar_mass"],
+            T_r=fluid["T_r"],
+            T=fit["T"],
+            density_most=fit["rho_most"] / fluid["rho_r"],
+            viscosity=fit["viscosity"],
+            conductivity=fit["conductivity"],
+        )
+        rows.append(row)
+    return TransportFits(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def mixed_transport(components: tuple[str, ...], x, T, reduced_density):
@@ -76,7 +80,8 @@ def mixed_transport(components: tuple[str, ...], x, T, reduced_density):
             total = total * at + along
         return total
 
-    viscosity, conductivity = (values(table, 0.0) for table in (fits.viscosity, fits.conductivity))
+    viscosity = values(fits.viscosity, 0.0)
+    conductivity = values(fits.conductivity, 0.0)
     # Wilke's rule: each component is hindered by all others, by their viscosities and masses
     mass = fits.molar_mass
     ratio = viscosity[:, None] / viscosity[None, :]

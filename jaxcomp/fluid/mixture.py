@@ -29,7 +29,7 @@ from ._multi_fluid import (
     multi_fluid,
     pairs_of,
 )
-from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms
+from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms, tools_for
 from ._saturation_lines import (
     BUBBLE_DENSITY,
     BUBBLE_PRESSURE,
@@ -110,7 +110,8 @@ class Mixture(AbstractRealGas):
             mass_fractions = predefined.mass_fractions
             model = model or REFERENCE
         components, fractions, by_amount = _composition(mass_fractions, mole_fractions, components)
-        model = model or (GERG if in_gerg(components) else REFERENCE)
+        if not model:
+            model = GERG if in_gerg(components) else REFERENCE
         if model == GERG and not in_gerg(components):
             outside = next(component for component in components if not in_gerg([component]))
             bound = f'"{REFERENCE}": GERG-2008 is without {outside}'
@@ -146,7 +147,9 @@ class Mixture(AbstractRealGas):
             fractions = table.get(key)
             if isinstance(fractions, Mapping) and "value" not in fractions:
                 rows |= {"components": list(fractions), key: list(fractions.values())}
-        return {**table, **rows} if rows else table
+        if not rows:
+            return table
+        return {**table, **rows}
 
     def rewritten(self, old: Part | None, source: str) -> dict[str, Any] | None:
         """Section of a file for this mixture, where its composition differs from that of an old one."""
@@ -185,6 +188,12 @@ class Mixture(AbstractRealGas):
         """(n,) mole fractions of the normalised composition."""
         return self.table.mole_fractions(self.mass_fractions)
 
+    def _fractions(self, kind: str):
+        """(n,) mass or mole fractions of the normalised composition, by the name of their entry."""
+        if kind == "mass_fractions":
+            return self._normalised
+        return self._amounts
+
     def fraction(self, kind: str, component: str) -> Float[Array, ""]:
         """[-] Fraction of a component of the normalised composition.
 
@@ -195,8 +204,7 @@ class Mixture(AbstractRealGas):
         Raises:
             LookupError: no component of that name.
         """
-        fractions = self._normalised if kind == "mass_fractions" else self._amounts
-        return fractions[self.place_of(component)]
+        return self._fractions(kind)[self.place_of(component)]
 
     def place_of(self, component: str) -> int:
         """Index of a component by its name or a synonym.
@@ -205,7 +213,9 @@ class Mixture(AbstractRealGas):
             LookupError: no component of that name.
         """
         components = self.components or ()
-        name = component if component in components else SYNONYMS.get(component, component)
+        name = component
+        if component not in components:
+            name = SYNONYMS.get(component, component)
         if name not in components:
             raise LookupError(component)
         return components.index(name)
@@ -232,15 +242,23 @@ class Mixture(AbstractRealGas):
             raise BadInput(kind, ", ".join(fractions), bound)
         places = np.array([self.place_of(component) for component in fractions])
         followers = np.setdiff1d(np.arange(len(self.components or ())), places)
-        old = self._normalised if kind == "mass_fractions" else self._amounts
+        old = self._fractions(kind)
         moved = jnp.stack([jnp.asarray(value, float) for value in fractions.values()])
         share = (1 - moved.sum()) / old[followers].sum()
         new = (old * share).at[places].set(moved)
-        w = new if kind == "mass_fractions" else table.mass_fractions(new)
-        lines = None if self.lines is None else self._lines_at(w)
-        dew_curve = None if self.dew_curve is None else self._dew_curve_at(w)
-        # a blend of ASHRAE 34 is one of its own composition
-        name = "/".join(self.components or ()) if self.name in blends() else self.name
+        w = new
+        if kind != "mass_fractions":
+            w = table.mass_fractions(new)
+        lines = None
+        if self.lines is not None:
+            lines = self._lines_at(w)
+        dew_curve = None
+        if self.dew_curve is not None:
+            dew_curve = self._dew_curve_at(w)
+        name = self.name
+        if name in blends():
+            # a blend of ASHRAE 34 is one of its own composition
+            name = "/".join(self.components or ())
         return rebuilt(self, mass_fractions=w, lines=lines, dew_curve=dew_curve, name=name)
 
     def _lines_at(self, mass_fractions) -> SaturationLines:
@@ -340,7 +358,10 @@ class Mixture(AbstractRealGas):
     def _limited_by(self, T) -> str:
         """The component, or the model, whose range ends before a temperature [K] that is beyond it."""
         low, _, _ = self.table.limits
-        return self.table.limited_by[0 if np.any(np.less(T, low)) else 1]
+        of_lowest, of_highest, _ = self.table.limited_by
+        if np.any(np.less(T, low)):
+            return of_lowest
+        return of_highest
 
     @property
     def range_ends_with(self) -> str:
@@ -366,7 +387,7 @@ class Mixture(AbstractRealGas):
     def condensation_temperature(self, p):
         if self.dew_curve is None:
             return super().condensation_temperature(p)
-        tools = jnp if any(map(is_traced, (self.dew_curve.temperature, p))) else np
+        tools = tools_for(self.dew_curve.temperature, p)
         return self.dew_curve.temperature_at_pressure(p, tools)
 
     @property
@@ -404,8 +425,10 @@ class Mixture(AbstractRealGas):
     def _curve(self, which: int, *inputs):
         """Coefficients of a curve, its ends, and the tools for them: NumPy where all is known."""
         lines = self._lines
-        tools = jnp if any(map(is_traced, (lines.ends, self.mass_fractions, *inputs))) else np
-        ends = np.asarray(lines.ends) if tools is np else lines.ends
+        tools = tools_for(lines.ends, self.mass_fractions, *inputs)
+        ends = lines.ends
+        if tools is np:
+            ends = np.asarray(ends)
         return lines.at(self._normalised, tools)[:, which], ends, tools
 
     def _pressure(self, T, which: int):
@@ -457,8 +480,7 @@ class Mixture(AbstractRealGas):
         if not any(map(is_traced, jax.tree.leaves((self, T, h)))) and np.ndim(T) == np.ndim(h) == 0:
             coefficients, ends, _ = self._curve(DEW_PRESSURE, T)
             return jnp.asarray(on_host(self._normalised, coefficients, ends, T, h)[0])
-        arguments = (jnp.asarray(number, float) for number in (T, h))
-        return jnp.vectorize(dew)(*arguments)
+        return jnp.vectorize(dew)(jnp.asarray(T, float), jnp.asarray(h, float))
 
     def boiling_density(self, T):
         coefficients, ends, _ = self._curve(BUBBLE_DENSITY, jnp.asarray(T))
@@ -478,7 +500,8 @@ class Mixture(AbstractRealGas):
         if not is_traced(ends):
             ends = np.asarray(ends)
             if T is None and not is_traced(p):
-                low, high = (float(self.dew_pressure(end)) for end in (ends[0], ends[2]))
+                low = float(self.dew_pressure(ends[0]))
+                high = float(self.dew_pressure(ends[2]))
                 self._require("p", p, Bound(low, high), "Pa, on the dew line of")
             elif T is not None and not is_traced(T):
                 self._require("T", T, Bound(ends[0], ends[2]), "K, on the dew line of")
@@ -489,7 +512,9 @@ class Mixture(AbstractRealGas):
         if T is None:
             T = self._temperature(p, DEW_PRESSURE)
         T = jnp.asarray(T)
-        pressure = self._pressure(T, DEW_PRESSURE) if p is None else jnp.asarray(p)
+        if p is None:
+            p = self._pressure(T, DEW_PRESSURE)
+        pressure = jnp.asarray(p)
         return Saturation(
             T=T,
             p=pressure,
@@ -564,7 +589,9 @@ def _check_name(name: str, table: MultiFluid, components, fractions, by_amount: 
     listed = blends()[name].mass_fractions
     fractions_of = dict(zip(components, w, strict=True))
     names = fractions_of.keys() | listed.keys()
-    differences = (fractions_of.get(name, 0.0) - listed.get(name, 0.0) for name in names)
+    differences = []
+    for component in names:
+        differences.append(fractions_of.get(component, 0.0) - listed.get(component, 0.0))
     if max(map(abs, differences)) > _NAMED:
         bound = (
             f"a name of your own: {name} has another composition; leave the fractions out for it"

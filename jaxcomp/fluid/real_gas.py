@@ -25,7 +25,7 @@ from ._helmholtz import (
     residual_terms,
     saturation_curve,
 )
-from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms
+from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms, tools_for
 from .mixture import Mixture
 
 
@@ -52,7 +52,9 @@ class RealGas(AbstractRealGas):
     @classmethod
     def of_entries(cls, **entries):
         """The fluid that a section of a file names, which may be a blend of ASHRAE 34."""
-        return fluid_named(**entries) if entries.keys() == {"name"} else cls(**entries)
+        if entries.keys() == {"name"}:
+            return fluid_named(**entries)
+        return cls(**entries)
 
     @property
     def data(self) -> dict:
@@ -93,6 +95,11 @@ class RealGas(AbstractRealGas):
     def has_glide(self) -> bool:
         return self.data["pseudo_pure"]
 
+    @property
+    def _bubble_line(self) -> str:
+        """Name of the curve on which liquid boils: a pure fluid has but one."""
+        return "bubble" if self.has_glide else "dew"
+
     def dew_temperature(self, p):
         """[K] Dew temperature at pressures [Pa] by the ancillary curve, to about 0.1 K.
 
@@ -105,17 +112,17 @@ class RealGas(AbstractRealGas):
         return self._pressure(T, "dew")
 
     def bubble_temperature(self, p):
-        return self._temperature(p, "bubble" if self.has_glide else "dew")
+        return self._temperature(p, self._bubble_line)
 
     def bubble_pressure(self, T):
-        return self._pressure(T, "bubble" if self.has_glide else "dew")
+        return self._pressure(T, self._bubble_line)
 
     def _pressure(self, T, line: str):
-        tools = jnp if is_traced(T) else np
+        tools = tools_for(T)
         return tools.exp(tools.interp(T, *saturation_curve(self.name, line)))
 
     def _temperature(self, p, line: str):
-        tools = jnp if is_traced(p) else np
+        tools = tools_for(p)
         T, log_p = saturation_curve(self.name, line)
         return tools.interp(tools.log(p), log_p, T)
 
@@ -180,7 +187,8 @@ class RealGas(AbstractRealGas):
     ) -> Saturation:
         ends = self.temperature_range[0], self.critical_temperature
         if T is None and not is_traced(p):
-            low, high = (float(self.dew_pressure(end)) for end in ends)
+            low = float(self.dew_pressure(ends[0]))
+            high = float(self.dew_pressure(ends[1]))
             self._require("p", p, Bound(low, high, high_open=True), "Pa, of liquid and vapour of")
         elif T is not None and not is_traced(T):
             self._require("T", T, Bound(*ends, high_open=True), "K, of liquid and vapour of")
@@ -211,8 +219,8 @@ class RealGas(AbstractRealGas):
                 # Energies over the vapour's p/rho, so that all rows are relative.
                 balance = [(liquid.p - vapour.p) / dew, gibbs * vapour.rho / dew]
             # the pressure or the temperature that is given closes the system
-            closure = unknowns[0] - log_input if p is None else jnp.log(dew) - log_input
-            return jnp.stack([*balance, closure])
+            closing = unknowns[0] if p is None else jnp.log(dew)
+            return jnp.stack([*balance, closing - log_input])
 
         def solve(log_input):
             curve = data["dew_pressure"]
@@ -242,7 +250,9 @@ class RealGas(AbstractRealGas):
 
         T, liquid, vapour = jnp.exp(root(SmallSystem(misfit, solve, log_input)))
         pressure = self.state(T, vapour).p
-        boiling = self._bubble_point(pressure, T) if data["pseudo_pure"] else T
+        boiling = T
+        if data["pseudo_pure"]:
+            boiling = self._bubble_point(pressure, T)
         return Saturation(T, pressure, liquid, vapour, boiling)
 
     def _bubble_point(self, p, T):
@@ -273,4 +283,6 @@ def fluid_named(name: str) -> AbstractRealGas:
     Raises:
         BadInput: an unknown name, or a blend with a pair without parameters.
     """
-    return Mixture(name=name) if name not in fluids() and name in blends() else RealGas(name)
+    if name not in fluids() and name in blends():
+        return Mixture(name=name)
+    return RealGas(name)

@@ -101,44 +101,61 @@ class EachGas(AbstractEach, AbstractGas):
         """Events of each cylinder; where one has fewer than another, at its top dead centre."""
         count = len(self.of_cylinder)
         swept = jnp.broadcast_to(swept, (count,))
-        each = [
-            self.law_of_cylinder(number + 1).valve_events(swept[number]) for number in range(count)
-        ]
+        events_by_cylinder = []
+        for place, law in enumerate(self._laws_of_cylinders()):
+            events_by_cylinder.append(law.valve_events(swept[place]))
         events = []
         for inward in (True, False):
             rows = []
-            for row in each:
-                rows.append([volume for volume, direction in row if direction == inward])
-            events += [(column, inward) for column in _columns(rows)]
+            for valve_events in events_by_cylinder:
+                rows.append(_volumes(valve_events, inward))
+            for column in _columns(rows):
+                events.append((column, inward))
         return tuple(events)
 
     def event_angles(self):
         """One array: angles of each cylinder; where one has fewer than another, its top dead centre."""
-        rows = [
-            jnp.asarray(self.law_of_cylinder(i + 1).event_angles())
-            for i in range(len(self.of_cylinder))
-        ]
-        return _filled(rows) if any(row.size for row in rows) else ()
+        rows = [jnp.asarray(law.event_angles()) for law in self._laws_of_cylinders()]
+        if not any(row.size for row in rows):
+            return ()
+        return _filled(rows)
 
     def event_shares(self):
-        rows = [self.law_of_cylinder(i + 1).event_shares() for i in range(len(self.of_cylinder))]
+        rows = [law.event_shares() for law in self._laws_of_cylinders()]
         if all(row is None for row in rows):
             return None
-        return _filled([jnp.zeros(0) if row is None else row for row in rows])
+        shares = []
+        for row in rows:
+            shares.append(jnp.zeros(0) if row is None else row)
+        return _filled(shares)
+
+    def _laws_of_cylinders(self) -> list[AbstractGas]:
+        """The law of every cylinder, one after the other."""
+        return [self.law_of_cylinder(i + 1) for i in range(len(self.of_cylinder))]
+
+
+def _volumes(valve_events, inward: bool) -> list[Float[Array, ""]]:
+    """[m^3] Displaced volumes of the events on the stroke in one direction."""
+    return [volume for volume, direction in valve_events if direction == inward]
 
 
 def _columns(rows) -> tuple[Float[Array, " k"], ...]:
     """The columns of rows of scalars; zeros stand at the ends of those that are shorter."""
     longest = max(map(len, rows))
     zero = jnp.zeros(())
-    filled = [row + [zero] * (longest - len(row)) for row in rows]
+    filled = []
+    for row in rows:
+        filled.append(row + [zero] * (longest - len(row)))
     return tuple(map(jnp.stack, zip(*filled, strict=True)))
 
 
 def _filled(rows: list[Float[Array, " _"]]) -> Float[Array, "c k"]:
     """Rows of one length, with zeros behind those that are shorter."""
     longest = max(row.size for row in rows)
-    return jnp.stack([jnp.pad(row, (0, longest - row.size)) for row in rows])
+    filled = []
+    for row in rows:
+        filled.append(jnp.pad(row, (0, longest - row.size)))
+    return jnp.stack(filled)
 
 
 def _alike(stroke: Stroke) -> Stroke:

@@ -59,7 +59,8 @@ class DoubleActing(AbstractGas):
 
     def valve_events(self, swept):
         crank = self.crank_end.valve_events(swept)
-        return (
-            *self.head_end.valve_events(swept),
-            *((swept - displaced, not inward) for displaced, inward in crank),
-        )
+        events = [*self.head_end.valve_events(swept)]
+        # the crank end counts from its own dead centre, and its strokes run the other way
+        for displaced, inward in crank:
+            events.append((swept - displaced, not inward))
+        return tuple(events)

@@ -146,8 +146,9 @@ class StagedCycle(AbstractGas):
         if self.rod_diameter is not None:
             # The head end, and the crank end less the rod.
             ends = 2 - jnp.pi / 4 * self.rod_diameter**2 / area
-        columns = (ends * area * stroke, self.clearance_ratio, self.exponent)
-        volume, clearance, exponent = (jnp.broadcast_to(x, (count,)) for x in columns)
+        volume = jnp.broadcast_to(ends * area * stroke, (count,))
+        clearance = jnp.broadcast_to(self.clearance_ratio, (count,))
+        exponent = jnp.broadcast_to(self.exponent, (count,))
         # The flows become of order one; only ratios of volumes count, also in derivatives.
         volume = volume / lax.stop_gradient(max_of(volume))
         outer = jnp.log(jnp.stack([self.suction_pressure, self.discharge_pressure]))

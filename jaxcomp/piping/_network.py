@@ -75,14 +75,20 @@ class Network(eqx.Module):
     @property
     def rough(self) -> tuple[int, ...]:
         """Which pipes have turbulent friction."""
-        return tuple(
-            number for number, is_attenuated in enumerate(self.attenuated) if not is_attenuated
-        )
+        numbers = []
+        for number, is_attenuated in enumerate(self.attenuated):
+            if not is_attenuated:
+                numbers.append(number)
+        return tuple(numbers)
 
     @property
     def nonlinear(self) -> tuple[int, ...]:
         """Which orifices have a square law."""
-        return tuple(number for number, linear in enumerate(self.linear) if not linear)
+        numbers = []
+        for number, is_linear in enumerate(self.linear):
+            if not is_linear:
+                numbers.append(number)
+        return tuple(numbers)
 
     @property
     def size(self) -> int:
@@ -123,9 +129,11 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         volume = volume.at[at[element.node]].add(element.volume)
     resistance = []
     square = []
+    orifice_ends = []
     for orifice in piping.orifices:
-        touching = {at[name] for name in orifice.nodes}
-        adjacent = [k for k, pair in enumerate(pipe_ends) if touching & set(pair)]
+        first, second = orifice.nodes
+        orifice_ends.append((at[first], at[second]))
+        adjacent = _adjacent_pipes(pipe_ends, orifice_ends[-1])
         if orifice.is_linear:
             resistance.append(orifice.resistance)
             square.append(jnp.zeros(()))
@@ -139,13 +147,18 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         # is small beside the mean
         resistance.append(2 * coefficient * usual_flow)
         square.append(coefficient)
+    fixed = []
+    anechoic = []
+    for name in nodes:
+        fixed.append(name == LINE or ends.get(name) == "open")
+        anechoic.append(ends.get(name) == "anechoic")
     return Network(
         nodes=nodes,
         flanges=tuple(at[name] for name in piping.flanges),
         pipe_ends=tuple(pipe_ends),
-        orifice_ends=tuple((at[o.nodes[0]], at[o.nodes[1]]) for o in piping.orifices),
-        fixed=tuple(name == LINE or ends.get(name) == "open" for name in nodes),
-        anechoic=tuple(ends.get(name) == "anechoic" for name in nodes),
+        orifice_ends=tuple(orifice_ends),
+        fixed=tuple(fixed),
+        anechoic=tuple(anechoic),
         attenuated=tuple(attenuated),
         linear=tuple(orifice.is_linear for orifice in piping.orifices),
         length=column("length"),
@@ -153,9 +166,26 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         roughness=column("roughness"),
         attenuation=column("attenuation"),
         volume=volume,
-        resistance=jnp.stack(resistance) if resistance else jnp.zeros(0),
-        square=jnp.stack(square) if square else jnp.zeros(0),
+        resistance=_stacked(resistance),
+        square=_stacked(square),
     )
+
+
+def _adjacent_pipes(pipe_ends, nodes: tuple[int, int]) -> list[int]:
+    """Numbers of the pipes that meet one of two nodes."""
+    touching = set(nodes)
+    adjacent = []
+    for number, ends in enumerate(pipe_ends):
+        if touching & set(ends):
+            adjacent.append(number)
+    return adjacent
+
+
+def _stacked(numbers: list[Float[Array, ""]]) -> Float[Array, " o"]:
+    """Scalars as one array, which is empty without any."""
+    if not numbers:
+        return jnp.zeros(0)
+    return jnp.stack(numbers)
 
 
 # [1/m] Least resistance to the mean flow over length and impedance of a wave, in the ratio of inertances.
