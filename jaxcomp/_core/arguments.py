@@ -37,7 +37,9 @@ def by_names(field: str, table: Any, example: str) -> Any:
         BadInput: no dictionary, or nothing at all.
     """
     if not isinstance(table, Mapping):
-        kind = "absent" if table is None else f"a {type(table).__name__}"
+        kind = f"a {type(table).__name__}"
+        if table is None:
+            kind = "absent"
         raise BadInput(field, kind, f"a dictionary by name, such as {example}, in SI units")
     return table
 

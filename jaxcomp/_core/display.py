@@ -116,7 +116,9 @@ class Shown(NamedTuple):
     def difference(self, value: float, digits: int = 5) -> str:
         """The difference of two values [SI] with its unit, to so many `digits`; of shares in points."""
         text = self.differences.text(value, digits)
-        return f"{text.removesuffix('%')}points" if self.unit == "%" else text
+        if self.unit == "%":
+            text = f"{text.removesuffix('%')}points"
+        return text
 
 
 def spelled(name: str) -> tuple[str, bool]:
@@ -166,7 +168,9 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
 
     values = np.abs(np.asarray(values, dtype=float))
     values = values[np.isfinite(values)]
-    size = values.max() if values.size else 0.0
+    size = 0.0
+    if values.size:
+        size = values.max()
     for least, factor, name_of_unit in units.get(unit, ()):
         # Zeros have no size to choose a unit by and stay in SI, but for angles and speeds, whose units
         # do not go by size.
@@ -184,8 +188,10 @@ def units_of(unit: str, percent: bool = False) -> str:
 
 def small_unit(unit: str) -> tuple[str, float]:
     """The unit of small changes and of corrections, with the factor from the SI unit to it."""
-    small_units = ((name, factor) for _, factor, name in _UNITS.get(unit, ()) if name in _SMALL)
-    return next(small_units, (unit, 1.0))
+    for _, factor, name in _UNITS.get(unit, ()):
+        if name in _SMALL:
+            return name, factor
+    return unit, 1.0
 
 
 def vibration_unit(unit: str) -> tuple[str, float]:
@@ -233,11 +239,15 @@ def behind(texts: Sequence[str]) -> list[str]:
     """
     matches = [_ALIGNED.fullmatch(text) for text in texts]
     numbers = [match for match in matches if match is not None]
-    units = {match["unit"] for match in numbers}
+    units = set()
+    longest = ""
+    power = ""
+    for match in numbers:
+        units.add(match["unit"])
+        longest = max(longest, match["decimals"] or "", key=len)
+        power = max(power, match["power"] or "", key=len)
     if len(numbers) < sum(map(bool, texts)) or len(units) > 1:
         return [""] * len(texts)
-    longest = max((match["decimals"] or "" for match in numbers), key=len, default="")
-    power = max((match["power"] or "" for match in numbers), key=len, default="")
 
     def lacking(match: re.Match | None) -> str:
         if match is None:

@@ -23,7 +23,9 @@ class BadInput(ValueError):
         shown = value_text(value)
         # "must be given, but is absent" would say it twice
         obvious = shown == "absent" and bound.startswith("given")
-        but = f", but is {shown}" if shown and not obvious else ""
+        but = ""
+        if shown and not obvious:
+            but = f", but is {shown}"
         super().__init__(f"`{field}` must be {bound}{but}.")
 
     def inside(self, where: str) -> "BadInput":
@@ -50,10 +52,12 @@ class QuantityFailed(BadInput):
 
 def no_machine(value: Any, part: str = "") -> BadInput:
     """The complaint about an argument that should be a machine, or that `part` of a scene."""
-    is_file = isinstance(value, str | os.PathLike)
-    file = os.fspath(value) if is_file else "my.toml"
-    bound = f'a machine, such as `jaxcomp.load("{file}"){part}`'
-    return BadInput("machine", f'"{file}"' if is_file else f"a {type(value).__name__}", bound)
+    file = "my.toml"
+    problem = f"a {type(value).__name__}"
+    if isinstance(value, str | os.PathLike):
+        file = os.fspath(value)
+        problem = f'"{file}"'
+    return BadInput("machine", problem, f'a machine, such as `jaxcomp.load("{file}"){part}`')
 
 
 def kind_text(part: Any) -> str:

@@ -19,7 +19,7 @@ import io
 import os
 import pickle
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FunctionType
 from typing import Any, NamedTuple, ParamSpec, TypeVar
@@ -118,7 +118,8 @@ def _hole(leaf: Any) -> _Hole | None:
 
 def _program(function: Callable, template: tuple, structure: Any) -> Callable[[list], Any] | None:
     """The program for arguments of one kind, kept before or traced now; `None` if it cannot be kept."""
-    holes = [leaf for leaf in template if isinstance(leaf, _Hole)]
+    arrays = _places_of_holes(template)
+    holes = [template[place] for place in arrays]
     try:
         key = _pickled((function, structure.unflatten(template)), _KeyPickler)
         # an address is another one in every process, and would make each key a new one
@@ -152,11 +153,10 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
             result_template, compiled = stored
     except Exception:  # no structure that can be written down, or nothing that JAX can export
         return None
-    arrays = [place for place, leaf in enumerate(template) if isinstance(leaf, _Hole)]
     out, out_structure = jax.tree.flatten(
         result_template, is_leaf=lambda leaf: isinstance(leaf, _Hole)
     )
-    places = [place for place, leaf in enumerate(out) if isinstance(leaf, _Hole)]
+    places = _places_of_holes(out)
 
     def program(leaves):
         filled = list(out)
@@ -171,6 +171,15 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         return out_structure.unflatten(filled)
 
     return program
+
+
+def _places_of_holes(leaves: Sequence[Any]) -> list[int]:
+    """Places of the stand-ins for arrays among the leaves of a tree."""
+    places = []
+    for place, leaf in enumerate(leaves):
+        if isinstance(leaf, _Hole):
+            places.append(place)
+    return places
 
 
 def _like(hole: _Hole) -> jax.ShapeDtypeStruct:
@@ -212,17 +221,26 @@ def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
 def _traced(function: Callable, template: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
     """Structure of the result and the traced program, which are kept."""
     result_templates = []
+    places = _places_of_holes(template)
 
     # Arrays in, arrays out: what is written down then knows nothing of the package's classes.
     def flat(*arrays):
-        values = iter(arrays)
-        filled = [next(values) if isinstance(leaf, _Hole) else leaf for leaf in template]
+        filled = list(template)
+        for place, array in zip(places, arrays, strict=True):
+            filled[place] = array
         arguments, named = structure.unflatten(filled)
         leaves, out = jax.tree.flatten(function(*arguments, **named))
-        result_templates.append(out.unflatten([_traced_hole(leaf) or leaf for leaf in leaves]))
-        return [leaf for leaf in leaves if _traced_hole(leaf)]
+        result_template = []
+        result_arrays = []
+        for leaf in leaves:
+            hole = _traced_hole(leaf)
+            result_template.append(hole or leaf)
+            if hole:
+                result_arrays.append(leaf)
+        result_templates.append(out.unflatten(result_template))
+        return result_arrays
 
-    like = [_like(leaf) for leaf in template if isinstance(leaf, _Hole)]
+    like = [_like(template[place]) for place in places]
     text = bytes(export.export(jax.jit(flat))(*like).serialize())
     programs.write(path, _pickled((result_templates[0], text), _Pickler))
     return result_templates[0], text

@@ -229,7 +229,9 @@ class Part(eqx.Module):
                 raise _outside(name, value, bound, declared, listed)
         for rule, holds in known_values(self).conditions().items():
             if not is_traced(holds) and not np.all(holds):
-                where = f" in cylinder {int(np.argmin(holds)) + 1}" if np.ndim(holds) else ""
+                where = ""
+                if np.ndim(holds):
+                    where = f" in cylinder {int(np.argmin(holds)) + 1}"
                 raise BadInput(type(self).__name__, self._values(), f"{rule}{where}")
 
     def __repr__(self) -> str:
@@ -274,8 +276,8 @@ def spread_columns(part: Part, rows: int, row_name: str) -> None:
             continue
         value = _as_float(value)
         if value.ndim == 0:
-            # by NumPy no program is compiled
-            value = _as_float((jnp if is_traced(value) else np).full(rows, value))
+            library = jnp if is_traced(value) else np  # by NumPy no program is compiled
+            value = _as_float(library.full(rows, value))
         if value.shape != (rows,):
             raise BadInput(name, value, f"one value, or one for each of {rows} {row_name}")
         setattr(part, name, value)
@@ -327,7 +329,9 @@ def admissible(tree: Part) -> Bool[Array, ""]:
             if value is not None:
                 values.setdefault(field.metadata["bound"], []).append(value)
         for holds in part.conditions().values():
-            good &= jnp.all(holds) if jnp.ndim(holds) else holds
+            if jnp.ndim(holds):
+                holds = jnp.all(holds)
+            good &= holds
     # Values of one bound are compared together, for the sake of the compiler.
     for bound, bounded in values.items():
         good &= bound.holds(jnp.concatenate([jnp.ravel(value) for value in bounded]))

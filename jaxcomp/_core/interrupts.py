@@ -73,11 +73,7 @@ def ends_when_interrupted() -> Iterator[None]:
     in the same way, until Python hears none; then the process ends without a word. A process that was
     started to ignore a signal goes on to, but a `KeyboardInterrupt` that code raises ends it as well.
     """
-    heard = {
-        number: status
-        for number, status in _HEARD.items()
-        if signal.getsignal(number) != signal.SIG_IGN
-    }
+    heard = _not_ignored()
     reading, writing = os.pipe()
     # Python writes the signal's number here: a full pipe must not hold up what was interrupted
     if hasattr(os, "set_blocking"):
@@ -107,10 +103,21 @@ def ends_when_interrupted() -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        code = error.code if isinstance(error, SystemExit) else None
+        code = None
+        if isinstance(error, SystemExit):
+            code = error.code
         if _state["interrupted"] or code == STOPPED or isinstance(error, KeyboardInterrupt):
             _leave()
         raise
+
+
+def _not_ignored() -> dict[signal.Signals, int]:
+    """The signals that this process was not started to ignore, with the status of each."""
+    heard = {}
+    for number, status in _HEARD.items():
+        if signal.getsignal(number) != signal.SIG_IGN:
+            heard[number] = status
+    return heard
 
 
 def _interrupted(number: int, frame: FrameType | None) -> None:

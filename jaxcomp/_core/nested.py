@@ -96,7 +96,9 @@ class _Keyed:
         self.named = {}
         # a part that has a name and a unit tells the unit of that name wherever else it stands
         for value in result.values():
-            entries = value if isinstance(value, list | tuple) else [value]
+            entries = value
+            if not isinstance(value, list | tuple):
+                entries = [value]
             for entry in entries:
                 self._learn(entry)
 
@@ -124,15 +126,28 @@ class _Keyed:
             if note is NAMED and not isinstance(inner, dict):  # names stand beside each other
                 note = self._unit(key)
             if note is NAMED:
-                out[key] = {self._key(name, self._unit(name), x): x for name, x in inner.items()}
+                out[key] = self._keyed_quantities(inner)
             elif not isinstance(note, str):
                 out[key] = self.of(inner, note)
             else:
-                unit = self.root.get(note, "") if note in OF_THE_WHOLE else note
-                if isinstance(unit, UnitNote):
-                    unit = ""  # the note is for readers of the schema
-                out[self._key(key, unit, inner)] = inner
+                out[self._key(key, self._noted_unit(note), inner)] = inner
         return out
+
+    def _keyed_quantities(self, numbers: dict[str, Any]) -> dict[str, Any]:
+        """Numbers by the names of quantities, each with the unit of its quantity."""
+        out = {}
+        for name, number in numbers.items():
+            out[self._key(name, self._unit(name), number)] = number
+        return out
+
+    def _noted_unit(self, note: str) -> str:
+        """The unit that a note of the table stands for; "" where it has none for a key."""
+        unit = note
+        if note in OF_THE_WHOLE:
+            unit = self.root.get(note, "")
+        if isinstance(unit, UnitNote):
+            unit = ""  # the note is for readers of the schema
+        return unit
 
     def _unit(self, name: str) -> str:
         quantity = registered_quantity(name)
@@ -173,9 +188,11 @@ def plain(value: Any) -> Any:
 
 def records(**columns: Any) -> list[dict[str, Any]]:
     """The rows of columns of equal length, each by the names of the columns."""
-    lists = (
-        column.tolist() if hasattr(column, "tolist") else column for column in columns.values()
-    )
+    lists = []
+    for column in columns.values():
+        if hasattr(column, "tolist"):
+            column = column.tolist()
+        lists.append(column)
     return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
 

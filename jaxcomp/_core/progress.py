@@ -176,7 +176,9 @@ def _forecast(
         before: number and size of the programs before it.
         waits: on this machine.
     """
-    machine = f" of {_Compiles.machine}" if _Compiles.machine else ""
+    machine = ""
+    if _Compiles.machine:
+        machine = f" of {_Compiles.machine}"
     open_wait = None
     if _Compiles.first:
         open_wait = remaining(expected(_Compiles.task, _Compiles.first, waits), *before)

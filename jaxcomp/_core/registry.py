@@ -121,9 +121,12 @@ def _inlet(gas: Any) -> Any:
 
 def _pipings(gas: Any) -> list[Any]:
     """Networks of pipes of a gas with valves."""
-    lines = [getattr(gas, name, None) for name in ("suction", "discharge")]
-    networks = [getattr(line, "piping", None) for line in lines]
-    return [piping for piping in networks if piping is not None]
+    networks = []
+    for name in ("suction", "discharge"):
+        piping = getattr(getattr(gas, name, None), "piping", None)
+        if piping is not None:
+            networks.append(piping)
+    return networks
 
 
 def _resonances(machine: Any) -> list[str]:
@@ -465,7 +468,9 @@ def _tell_left_out(quantity: Quantity, error: Exception) -> None:
 
     if quantity.name not in _reported:
         _reported.add(quantity.name)
-        why = error if isinstance(error, QuantityFailed) else f"Quantity '{quantity.name}': {error}"
+        why = str(error)
+        if not isinstance(error, QuantityFailed):
+            why = f"Quantity '{quantity.name}': {error}"
         tell(f"{why} It is left out; `needs` of register_quantity says which machines have it.")
 
 

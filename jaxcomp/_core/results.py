@@ -81,10 +81,11 @@ def reading(unit: str, *dims: str, doc: str = "", **options: Any) -> Any:
 
 def readings_of(result: Any) -> dict[str, Any]:
     """Values [SI] by name of the fields that a result declares by `reading`."""
-    fields = dataclasses.fields(result)
-    return {
-        field.name: getattr(result, field.name) for field in fields if "reading" in field.metadata
-    }
+    readings = {}
+    for field in dataclasses.fields(result):
+        if "reading" in field.metadata:
+            readings[field.name] = getattr(result, field.name)
+    return readings
 
 
 class Result:
@@ -127,10 +128,13 @@ class Result:
                 raise BadInput("result", "of many designs", "of one; take them apart first")
             shape |= dict(zip(data.dims, np.shape(data.values), strict=True))
         dims = [dim for dim in self.table_dims if dim in shape]
+        sizes = [shape[dim] for dim in dims]
         for data in parts:
             # a column that a dimension does not change is repeated along it
-            index = tuple(slice(None) if dim in data.dims else None for dim in dims)
-            array = np.broadcast_to(np.asarray(data.values)[index], [shape[dim] for dim in dims])
+            index = []
+            for dim in dims:
+                index.append(slice(None) if dim in data.dims else None)
+            array = np.broadcast_to(np.asarray(data.values)[tuple(index)], sizes)
             if np.iscomplexobj(array):
                 columns[with_unit(f"{data.name}.amplitude", data.unit)] = np.abs(array).ravel()
                 columns[f"{data.name}.phase [rad]"] = np.angle(array).ravel()
@@ -216,8 +220,11 @@ class Result:
         arrays: list[np.ndarray] = []
         # the structure is a text, so that reading a file needs no pickle, which could run code
         head = {"format": _FORMAT, "version": version(_PACKAGE), "result": to_json(self, arrays)}
-        members = {f"array_{n}": values for n, values in enumerate(arrays)}
-        size = sum(values.nbytes for values in arrays)
+        members = {}
+        size = 0
+        for number, values in enumerate(arrays):
+            members[f"array_{number}"] = values
+            size += values.nbytes
         if size > _LARGEST:
             bound = f"of at most {_LARGEST / 1e9:.3g} GB; save parts of it"
             raise BadInput("result", f"{size / 1e9:.3g} GB", bound)
@@ -231,24 +238,32 @@ class Result:
         return Plots(self)
 
     def __repr__(self) -> str:
-        if any(is_traced(leaf) for leaf in jax.tree.leaves(self)):
+        if self._is_traced():
             return eqx.tree_pformat(self)
         rows = list(self._rows())
         wide = max((len(name) for name, _ in rows), default=0)
-        return "\n".join([self._title(), *(f"  {name:<{wide}}  {text}" for name, text in rows)])
+        lines = [self._title()]
+        for name, text in rows:
+            lines.append(f"  {name:<{wide}}  {text}")
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        cells = "".join(
-            f"<tr><th style='text-align:left'>{escape(name)}</th>"
-            f"<td style='text-align:left'>{escape(text)}</td></tr>"
-            for name, text in self._rows()
-        )
+        cells = ""
+        for name, text in self._rows():
+            cells += f"<tr><th style='text-align:left'>{escape(name)}</th>"
+            cells += f"<td style='text-align:left'>{escape(text)}</td></tr>"
         return f"<p><b>{escape(self._title())}</b></p><table>{cells}</table>"
 
+    def _is_traced(self) -> bool:
+        return any(is_traced(leaf) for leaf in jax.tree.leaves(self))
+
     def _checked(self) -> list[Data]:
-        if any(is_traced(leaf) for leaf in jax.tree.leaves(self)):
+        if self._is_traced():
             raise BadInput("result", "inside jit, vmap or grad", "taken outside of them")
-        return [data._replace(values=jax.device_get(data.values)) for data in self.described()]
+        checked = []
+        for data in self.described():
+            checked.append(data._replace(values=jax.device_get(data.values)))
+        return checked
 
     def _words(self) -> dict[str, str]:
         """Words on how the solution ended, and by which solver, where the result knows."""
@@ -274,7 +289,9 @@ class Result:
     def _rows(self) -> Iterator[tuple[str, str]]:
         for data in self._checked():
             values = np.asarray(data.values)
-            shape = f" ({', '.join(map(str, values.shape))})" if values.ndim else ""
+            shape = ""
+            if values.ndim:
+                shape = f" ({', '.join(map(str, values.shape))})"
             # words, counts and truth values: each that occurs, once
             if values.dtype.kind not in "fc":
                 text = ", ".join(dict.fromkeys(map(str, values.ravel())))
@@ -282,7 +299,9 @@ class Result:
                     text = f"{text[:57]}..."
                 yield _sentence(data.name), text + shape
                 continue
-            size = np.abs(values) if np.iscomplexobj(values) else values
+            size = values
+            if np.iscomplexobj(values):
+                size = np.abs(values)
             look = shown(data.name, data.unit, size)
             # gaps of a curve are not numbers, and must not hide its range
             good = size[np.isfinite(size)]
@@ -293,7 +312,8 @@ class Result:
             elif not values.ndim:
                 yield look.words, look.text(float(size))
             else:
-                low, high = (look.number(float(end)) for end in (good.min(), good.max()))
+                low = look.number(float(good.min()))
+                high = look.number(float(good.max()))
                 yield look.words, f"{low} to {high} {look.units}".strip() + shape
 
 
@@ -363,7 +383,10 @@ def load_result(path: str | Path) -> Any:
             head = json.loads(str(file["head"]))
             if head["format"] != _FORMAT:
                 raise ValueError
-            arrays = {name: file[name] for name in file.files if name != "head"}
+            arrays = {}
+            for name in file.files:
+                if name != "head":
+                    arrays[name] = file[name]
         written = str(head["version"])
         content = head["result"]
     except BadInput:
@@ -410,10 +433,9 @@ def csv_text(columns: dict[str, Any]) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(
-        # Python's numbers, whose shortest text gives the same bits again
-        zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
-    )
+    # Python's numbers, whose shortest text gives the same bits again
+    lists = [np.asarray(values).tolist() for values in columns.values()]
+    writer.writerows(zip(*lists, strict=True))
     return text.getvalue()
 
 

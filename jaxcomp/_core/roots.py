@@ -191,7 +191,11 @@ def _fixed_point_jvp(primals, tangents):
     _, of_unknowns = jax.linearize(lambda value: linear(zeros[0], value), zeros[1])
     # An unknown that no parameter moves directly may still follow the others. Reverse mode wants each
     # right side to depend on the tangents, so a zero that does is added to all.
-    zero = 0 * sum(leaf.ravel()[0] for leaf in jax.tree.leaves(tangents[1]) if leaf.size)
+    entries = 0
+    for leaf in jax.tree.leaves(tangents[1]):
+        if leaf.size:
+            entries = entries + leaf.ravel()[0]
+    zero = 0 * entries
 
     def depending(tangent, unknown):
         if unknown is None:  # a machine without it
@@ -415,5 +419,8 @@ def _distance(a, b) -> Float[Array, ""]:
 
 
 def _largest(tree) -> Float[Array, ""]:
-    leaves = [leaf for leaf in jax.tree.leaves(tree) if leaf.size]
-    return max_of(jnp.stack([max_of(jnp.abs(leaf)) for leaf in leaves]))
+    largest = []
+    for leaf in jax.tree.leaves(tree):
+        if leaf.size:
+            largest.append(max_of(jnp.abs(leaf)))
+    return max_of(jnp.stack(largest))

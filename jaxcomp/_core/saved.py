@@ -45,7 +45,10 @@ def to_json(value: Any, arrays: list[np.ndarray]) -> Any:
         return {"list": [to_json(entry, arrays) for entry in value]}
     if isinstance(value, dict):
         # pairs, because a key of JSON is a text
-        return {"dict": [[to_json(k, arrays), to_json(v, arrays)] for k, v in value.items()]}
+        pairs = []
+        for key, entry in value.items():
+            pairs.append([to_json(key, arrays), to_json(entry, arrays)])
+        return {"dict": pairs}
     if not _field_names(type(value)):
         raise BadInput(
             "result", type(value).__name__, "of arrays and parts of jaxcomp, to be saved"

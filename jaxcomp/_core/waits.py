@@ -46,7 +46,9 @@ class Wait(NamedTuple):
 
 def earlier_waits(folder: Path | None) -> list[Wait]:
     """Waits on this machine, the newest last; none where the file is absent or damaged."""
-    return [] if folder is None else _read(folder / FILE)
+    if folder is None:
+        return []
+    return _read(folder / FILE)
 
 
 @functools.cache
@@ -57,8 +59,9 @@ def usual_waits() -> list[Wait]:
 
 def _read(file: Path) -> list[Wait]:
     try:
-        rows = json.loads(file.read_text("utf-8"))
-        waits = [Wait(str(t), int(f), int(n), int(b), float(s)) for t, f, n, b, s in rows]
+        waits = []
+        for task, first, programs, size, seconds in json.loads(file.read_text("utf-8")):
+            waits.append(Wait(str(task), int(first), int(programs), int(size), float(seconds)))
     except (OSError, ValueError, TypeError):
         return []
     return [wait for wait in waits if wait.size > 0 and wait.seconds > 0]
@@ -82,7 +85,8 @@ def seconds_of(size: int, waits: Iterable[Wait]) -> float:
     if not measured:
         return size * _PER_BYTE
     # of the sums and not a mean of ratios: long programs are what somebody waits for
-    return size * sum(wait.seconds for wait in measured) / sum(wait.size for wait in measured)
+    seconds = sum(wait.seconds for wait in measured)
+    return size * seconds / sum(wait.size for wait in measured)
 
 
 def expected(task: str, first: int, waits: list[Wait]) -> Wait | None:
@@ -119,7 +123,10 @@ def _pace(waits: list[Wait]) -> float:
 
 
 def _latest_alike(waits: list[Wait], present: Wait) -> Wait | None:
-    return next((wait for wait in reversed(waits) if _is_alike(wait, present)), None)
+    for wait in reversed(waits):
+        if _is_alike(wait, present):
+            return wait
+    return None
 
 
 def _is_alike(wait: Wait, other: Wait) -> bool:

@@ -81,7 +81,11 @@ def _synonym(word: str, choices: Collection[str]) -> tuple[str, str]:
 
     A slip in what is also said is seen through: "ocvrik" is "ocvirk".
     """
-    synonym = nearest(word, [name for name, (key, _) in _SYNONYMS.items() if key in choices])
+    synonyms = []
+    for name, (key, _) in _SYNONYMS.items():
+        if key in choices:
+            synonyms.append(name)
+    synonym = nearest(word, synonyms)
     if synonym is None:
         return "", ""
     return _SYNONYMS[synonym]

@@ -22,7 +22,7 @@ from jaxtyping import Complex, Float
 
 from .._core.errors import BadInput
 from ._balance import Balance
-from ._influence import Influence, InfluenceRow
+from ._influence import Influence, InfluenceRow, weight_of_rows
 from ._least_squares import least_squares
 
 # [-] Amplitudes of instruments repeat to about this, over the root mean square of the readings: what
@@ -84,10 +84,15 @@ def amplitude_influence(
     if count > _MOST_SYSTEMS:
         needs = f"of three positions in each plane, which leave fewer than the {count} solutions"
         raise BadInput("weights", f"{len(weights) - 1} trial runs", needs)
-    row_weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
+    row_weight = weight_of_rows(weight, rows)
     systems = []
     for fits in itertools.product(*solutions):
-        matrix = jnp.asarray(np.stack([fit.coefficients for fit in fits]))
+        coefficients = []
+        misfit = []
+        for fit in fits:
+            coefficients.append(fit.coefficients)
+            misfit.append(fit.misfit)
+        matrix = jnp.asarray(np.stack(coefficients))
         systems.append(
             Influence(
                 matrix,
@@ -95,7 +100,7 @@ def amplitude_influence(
                 row_weight,
                 tuple(rows),
                 tuple(planes),
-                misfit=jnp.asarray([fit.misfit for fit in fits]),
+                misfit=jnp.asarray(misfit),
             )
         )
     # The unbalance that one plane holds alone is seen alike at all readings, so that the right sides
@@ -108,7 +113,9 @@ def _rank(system: Influence) -> tuple[float, float]:
     """Vibration that a system leaves, to a millionth, and its misfit."""
     # rounded, so that the misfit decides between systems that all leave nothing
     improvement = round(float(least_squares(system).improvement), 6)
-    misfit = np.zeros(1) if system.misfit is None else np.asarray(system.misfit)
+    misfit = np.zeros(1)
+    if system.misfit is not None:
+        misfit = np.asarray(system.misfit)
     return improvement, float(np.linalg.norm(misfit / np.abs(system.initial)))
 
 

@@ -126,7 +126,9 @@ class Balance(Result, eqx.Module):
         size = np.abs(value)
         before = np.asarray(part.initial)
         unknown = np.full(size.shape, np.nan)
-        radius = unknown if part.radius is None else np.asarray(part.radius)
+        radius = unknown
+        if part.radius is not None:
+            radius = np.asarray(part.radius)
         # what is added in a plane is a mass at one radius, or mass times radius
         if part.trial == "kg":
             unbalance = unknown
@@ -196,7 +198,9 @@ class Balance(Result, eqx.Module):
             alternatives.append({"planes": planes, "improvement": other.improvement})
         numbers: dict[str, Any] = {"misfit": self.misfit, "alternatives": alternatives}
         # as large as the trial weights were, or as what the balance adds
-        sizes = self.correction if influence.trials is None else influence.trials.weight
+        sizes = self.correction
+        if influence.trials is not None:
+            sizes = influence.trials.weight
         trial = further_trial(influence, float(np.median(np.abs(sizes))))
         if trial is not None:
             row = influence.rows[trial.row]

@@ -86,7 +86,10 @@ def rigid_balance(
     couple = jnp.zeros((), complex)
     for table in unbalances:
         vectors = table.magnitude * jnp.exp(1j * table.phase)
-        z = jnp.stack([jnp.asarray(places[node], float) for node in table.nodes])
+        heights = []
+        for node in table.nodes:
+            heights.append(jnp.asarray(places[node], float))
+        z = jnp.stack(heights)
         total = total + jnp.sum(vectors)
         couple = couple + jnp.sum(vectors * (z - first))
     # Moments about the first plane, about which its own correction has none.
@@ -111,7 +114,9 @@ def rod_ring(machine: Assembly) -> Unbalances | None:
         `None` for a machine without a rod whose plane on the rotor is known (`loads.crank`).
     """
     mechanism = getattr(machine.compressor, "mechanism", None)
-    crank = None if machine.loads is None else machine.loads.crank
+    crank = None
+    if machine.loads is not None:
+        crank = machine.loads.crank
     if machine.compressor is None or not isinstance(mechanism, SliderCrank) or crank is None:
         return None
     big_end = 1 - mechanism.conrod_centre / mechanism.conrod_length
@@ -168,9 +173,11 @@ def classical_balance(
             if node in rotor_nodes:
                 mass = mass + element
                 moment = moment + element * z[node]
+    if ring is not None:
+        unbalances = (*unbalances, ring)
     first, second = places.planes
     return rigid_balance(
-        unbalances if ring is None else (*unbalances, ring),
+        unbalances,
         z,
         (first.node, second.node),
         centre=moment / mass,
@@ -215,5 +222,7 @@ def balance_rotor_alone(
     alone = classical_balance(
         assembly.rotor, assembly.loads.unbalances, assembly.balancing, speed=speed, ring=ring
     )
-    name = "rotor alone" if ring is None else "rotor with a ring for the rod"
+    name = "rotor alone"
+    if ring is not None:
+        name = "rotor with a ring for the rod"
     return predicted(influence, alone.correction, f"{name}, two planes")

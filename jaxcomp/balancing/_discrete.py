@@ -40,7 +40,9 @@ def discrete(
     spread = np.array([np.ptp(np.abs(stock)) for stock in stocks])
     order = np.argsort(-np.linalg.norm(matrix, axis=0) * spread)
     # What the planes still to come can take off: projectors onto the complements of their columns.
-    later_basis = [np.linalg.qr(matrix[:, order[k:]])[0] for k in range(1, len(order))]
+    later_basis = []
+    for level in range(1, len(order)):
+        later_basis.append(np.linalg.qr(matrix[:, order[level:]])[0])
     later_basis.append(np.zeros((matrix.shape[0], 0)))
     best, lowest = _greedy(matrix, initial, stocks)
     nodes = 0
@@ -103,7 +105,10 @@ def _greedy(matrix, initial, stocks):
     """Each plane's best choice given the others, until none changes."""
     # A first best, near the answer without stocks: the lower it is, the more branches fall at once.
     free = -np.linalg.lstsq(matrix, initial, rcond=1e-12)[0]
-    picked = np.array([s[np.argmin(np.abs(s - b))] for s, b in zip(stocks, free, strict=True)])
+    nearest = []
+    for stock, unbalance in zip(stocks, free, strict=True):
+        nearest.append(stock[np.argmin(np.abs(stock - unbalance))])
+    picked = np.array(nearest)
     lowest = np.inf
     while True:
         for p, stock in enumerate(stocks):

@@ -8,8 +8,8 @@ Fourier coefficients of the forces and, by the mean force, stiffness and damping
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -133,7 +133,9 @@ def direct_influence(
         places: correction planes and targets.
         speeds: [rad/s] the speeds to balance at; those of `places` if absent.
     """
-    speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    if speeds is None:
+        speeds = places.speeds
+    speeds = jnp.atleast_1d(jnp.asarray(speeds, float))
     return influence_of(_flexibility(model, tuple(loads), places, speeds), places, speeds)
 
 
@@ -148,24 +150,30 @@ def influence_of(answer: Complex[Array, "rows columns"], places, speeds) -> Infl
     axes = []
     weights = []
     for target in places.targets:
-        axes += [(target.name, axis) for axis in target.axes]
-        weights += [target.weight] * len(target.axes)
+        for axis in target.axes:
+            axes.append((target.name, axis))
+            weights.append(target.weight)
+    names = []
     radii = []
     for plane in places.planes:
+        names.append(plane.name)
         has_radius = plane.radius is not None
         radii.append(plane.radius if has_radius else np.nan)
     matrix, initial, weight, radius = _columns(answer, weights, radii, speeds.size)
     # Labels are static, and a traced speed has no number to name its rows by.
-    labels = np.arange(speeds.size) if is_traced(speeds) else np.asarray(speeds)
+    labels: Any = speeds
+    if is_traced(speeds):
+        labels = np.arange(speeds.size)
     rows = []
-    for speed in labels.tolist():
-        rows += [InfluenceRow(target, axis, float(speed)) for target, axis in axes]
+    for speed in np.asarray(labels).tolist():
+        for target, axis in axes:
+            rows.append(InfluenceRow(target, axis, float(speed)))
     return Influence(
         matrix,
         initial,
         weight,
         tuple(rows),
-        tuple(plane.name for plane in places.planes),
+        tuple(names),
         radius=radius,
     )
 
@@ -242,14 +250,16 @@ def trial_influence(
         raise BadInput("masses", masses, "different from zero")
     initial = jnp.asarray(initial, complex)
     trials = jnp.asarray(trials, complex)
-    weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
-    kept = [False] * len(planes) if kept is None else list(kept)
-    if len(kept) != len(planes):
-        raise BadInput("kept", len(kept), f"a truth value for each of {len(planes)} planes")
+    weight = weight_of_rows(weight, rows)
+    if kept is None:
+        kept = [False] * len(planes)
+    stays_on = list(kept)
+    if len(stays_on) != len(planes):
+        raise BadInput("kept", len(stays_on), f"a truth value for each of {len(planes)} planes")
     # Each run counts from the one before it that still carries the same trial weights.
     before = []
     state = initial
-    for trial, stays in zip(trials, kept, strict=True):
+    for trial, stays in zip(trials, stays_on, strict=True):
         before.append(state)
         if stays:
             state = trial
@@ -288,8 +298,17 @@ def fitted_influence(
     change = jnp.asarray(readings, complex) - jnp.asarray(initial, complex)
     # runs are rows in both: change = weights C^T
     matrix = jnp.linalg.lstsq(jnp.asarray(on), change)[0].T
-    weight = jnp.ones(len(rows)) if weight is None else jnp.asarray(weight, float)
+    weight = weight_of_rows(weight, rows)
     return Influence(matrix, jnp.asarray(initial, complex), weight, tuple(rows), tuple(planes))
+
+
+def weight_of_rows(
+    weight: Float[Array, " rows"] | None, rows: Sequence[InfluenceRow]
+) -> Float[Array, " rows"]:
+    """[-] Weight of each row; 1 where none is given."""
+    if weight is None:
+        return jnp.ones(len(rows))
+    return jnp.asarray(weight, float)
 
 
 def with_weights(influence: Influence, weights: Mapping[str, complex]) -> Influence:
@@ -348,8 +367,8 @@ def select(
             raise BadInput(f"weights.{name}", value, ">= 0")
     chosen_planes = influence.planes if planes is None else planes
     chosen_targets = all_targets if targets is None else targets
-    columns = [i for i, name in enumerate(influence.planes) if name in chosen_planes]
-    row_numbers = [i for i, row in enumerate(influence.rows) if row.target in chosen_targets]
+    columns = _numbers_among(influence.planes, chosen_planes)
+    row_numbers = _numbers_among([row.target for row in influence.rows], chosen_targets)
     times = np.array([weights.get(row.target, 1.0) for row in influence.rows])
     originals = (influence.matrix, influence.initial, influence.weight, times, influence.radius)
     *arrays, radius = _selected(*originals, np.array(row_numbers, int), np.array(columns, int))
@@ -368,6 +387,15 @@ def select(
         misfit=misfit,
         alternatives=tuple(select(other, **choice) for other in influence.alternatives),
     )
+
+
+def _numbers_among(names: Sequence[str], choices: Collection[str]) -> list[int]:
+    """Numbers of the names that are among the choices."""
+    numbers = []
+    for number, name in enumerate(names):
+        if name in choices:
+            numbers.append(number)
+    return numbers
 
 
 if TYPE_CHECKING:
@@ -400,7 +428,9 @@ def machine_influence(
     places = assembly.balancing
     if assembly.rotor is None or assembly.loads is None or places is None or not places.planes:
         raise BadInput("balancing", "absent", "given with rotor, loads and correction planes")
-    speeds = jnp.atleast_1d(jnp.asarray(places.speeds if speeds is None else speeds, float))
+    if speeds is None:
+        speeds = places.speeds
+    speeds = jnp.atleast_1d(jnp.asarray(speeds, float))
     answer = _answers(assembly, places, speeds, solver, crank, left_out)
     return influence_of(answer, places, speeds)
 

@@ -116,7 +116,9 @@ def least_masses(
     limits = np.broadcast_to(np.asarray(limit, float), rows)
     costs = np.broadcast_to(np.asarray(1.0 if cost is None else cost, float), planes)
     largest = bounds_of(influence, largest)
-    bounds = None if largest is None else np.broadcast_to(np.asarray(largest, float), planes)
+    bounds = None
+    if largest is not None:
+        bounds = np.broadcast_to(np.asarray(largest, float), planes)
     for name, values in (("limit", limits), ("cost", costs), ("largest", bounds)):
         if values is not None and not np.all(values > 0):
             raise BadInput(name, values, "> 0")
@@ -205,7 +207,9 @@ def _refuse(influence: Influence, limits, bounds) -> NoReturn:
     # with these weights min-max judges every reading in shares of its own limit
     within = Influence(influence.matrix, influence.initial, jnp.asarray(limits.max() / limits),
                        influence.rows, influence.planes)  # fmt: skip
-    words = "with the bounds of the corrections" if bounds is not None else ""
+    words = ""
+    if bounds is not None:
+        words = "with the bounds of the corrections"
     lowest = float(min_max(within).objective)
     # free corrections do reach the limit: the bounds are in the way
     if lowest <= limits.max():

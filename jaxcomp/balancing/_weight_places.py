@@ -10,7 +10,7 @@ lattice, Mathematics of Computation 44, 463-471; here with any finite sets).
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -114,7 +114,9 @@ def placed(
         return _any_masses(influence, planes)
     stock = np.asarray(masses, float)
     _check_stock(stock, counts, per_place, most_weights)
-    limits = None if counts is None else np.asarray(counts, int)
+    limits = None
+    if counts is not None:
+        limits = np.asarray(counts, int)
     sums = {}
     for number, plane in planes.items():
         # place by place, with all of the stock at each: combinations are grown in this order
@@ -149,10 +151,13 @@ def as_weights(solution: Balance, radii: Mapping[str, float], removed: Collectio
     sizes = np.abs(np.asarray(solution.correction))
     arms = np.array([abs(plane.arm) for plane in planes.values()])
     owner = np.arange(sizes.size)
-    at = np.concatenate([plane.places.angles for plane in planes.values()])
-    return dataclasses.replace(
-        solution, weights=_weights(influence, planes, owner, sizes / arms, at)
-    )
+    weights = _weights(influence, planes, owner, sizes / arms, _all_angles(planes))
+    return dataclasses.replace(solution, weights=weights)
+
+
+def _all_angles(planes: Mapping[int, _Plane]) -> np.ndarray:
+    """[rad] Angles of all places, plane by plane."""
+    return np.concatenate([plane.places.angles for plane in planes.values()])
 
 
 def _check_stock(stock, counts, per_place, most_weights) -> None:
@@ -169,7 +174,7 @@ def _check_stock(stock, counts, per_place, most_weights) -> None:
 
 def _planes(influence: Influence, places) -> dict[int, _Plane]:
     """Places by number of the plane."""
-    by_name: Mapping[str, Places] = {name: places for name in influence.planes}
+    by_name: Any = dict.fromkeys(influence.planes, places)
     if isinstance(places, Mapping):
         by_name = places
     for name in by_name:
@@ -209,14 +214,19 @@ def _any_masses(influence: Influence, planes: Mapping[int, _Plane]) -> Balance:
     from scipy.optimize import lsq_linear
 
     matrix, initial = (np.asarray(x) for x in influence.weighted)
-    owner = np.concatenate([np.full(p.directions.size, n) for n, p in planes.items()])
-    arms = np.concatenate([plane.arm * plane.directions for plane in planes.values()])
+    owners = []
+    arms = []
+    limits = []
+    for number, plane in planes.items():
+        count = plane.directions.size
+        owners.append(np.full(count, number))
+        arms.append(plane.arm * plane.directions)
+        limits.append(np.full(count, plane.places.largest))
+    owner = np.concatenate(owners)
+    arms = np.concatenate(arms)
     columns = matrix[:, owner] * arms
     unit = _mass_unit(columns, initial)
-    largest = np.concatenate(
-        [np.full(p.directions.size, p.places.largest) for p in planes.values()]
-    )
-    upper = np.minimum(largest / unit, _BEYOND_REASON)
+    upper = np.minimum(np.concatenate(limits) / unit, _BEYOND_REASON)
     # Masses are real: each complex row is two real ones.
     system = unit * np.vstack([np.real(columns), np.imag(columns)])
     right = -np.append(np.real(initial), np.imag(initial))
@@ -234,8 +244,7 @@ def _any_masses(influence: Influence, planes: Mapping[int, _Plane]) -> Balance:
     correction = np.zeros(len(influence.planes), complex)
     np.add.at(correction, owner, arms * light)
     objective = float(np.linalg.norm(initial + matrix @ correction))
-    angles = np.concatenate([plane.places.angles for plane in planes.values()])
-    weights = _weights(influence, planes, owner, light, angles)
+    weights = _weights(influence, planes, owner, light, _all_angles(planes))
     return balance(
         influence,
         jnp.asarray(correction),
@@ -303,7 +312,12 @@ def _weights(influence: Influence, planes, owner, masses, angles) -> PlacedWeigh
     present = np.flatnonzero(masses > 0)
     owner = owner[present]
     masses = masses[present]
-    radius = np.array([planes[number].radius or np.nan for number in owner], float)
+    radii = []
+    removed = []
+    for number in owner:
+        radii.append(planes[number].radius or np.nan)
+        removed.append(planes[number].places.removed)
+    radius = np.array(radii, float)
     has_radius = np.isfinite(radius)
     mass = masses
     unbalance = np.full(owner.size, np.nan)
@@ -316,7 +330,7 @@ def _weights(influence: Influence, planes, owner, masses, angles) -> PlacedWeigh
         angle=angles[present],
         mass=mass,
         unbalance=unbalance,
-        removed=np.array([planes[number].places.removed for number in owner], bool),
+        removed=np.array(removed, bool),
     )
 
 
@@ -361,7 +375,9 @@ class _Search:
     def _descend(self, level, targets, below, path, free) -> None:
         slope = self.r[level, level]
         steep = abs(slope) > self.negligible
-        centre = complex(targets[level] / slope) if steep else 0j
+        centre = 0j
+        if steep:
+            centre = complex(targets[level] / slope)
         sums = self.sums[level]
         self.points += sums.size if sums.paired else _LOOK
         nearest = sums.nearest(centre, free)
@@ -408,7 +424,9 @@ class _Search:
                 self.picked = path
             return
         # one stock for all planes: what this one takes, the later ones do not have
-        remaining = None if free is None else free - self.sums[level].used(candidate.picks)
+        remaining = None
+        if free is not None:
+            remaining = free - self.sums[level].used(candidate.picks)
         further_targets = targets - self.r[:, level] * candidate.sum
         self._descend(level - 1, further_targets, cost, path, remaining)
 
@@ -438,10 +456,14 @@ def _stock_balance(influence: Influence, planes: Mapping[int, _Plane], search: _
     if not complete or search.unseen < search.lowest:
         # No combination leaves less than weights of any mass in any number.
         free = float(least_squares(influence).objective)
-        bound = max(free, search.unseen if complete else 0.0)
+        unseen = search.unseen if complete else 0.0
+        bound = max(free, unseen)
     bound = min(bound, objective)
     # by plane, and by angle within it: an angle is below 2 pi
-    order = np.argsort([n * 1e3 + a % (2 * np.pi) for n, a in zip(owner, angles, strict=True)])
+    ranks = []
+    for number, angle in zip(owner, angles, strict=True):
+        ranks.append(number * 1e3 + angle % (2 * np.pi))
+    order = np.argsort(ranks)
     return balance(
         influence,
         jnp.asarray(correction),

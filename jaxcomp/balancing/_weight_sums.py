@@ -92,7 +92,9 @@ class WeightSums:
         self._number = np.sum(listed.picks >= 0, axis=1)
         self._used = _tally(listed.picks, choices.kind)
         # whole combinations are listed within what a place takes; two halves may crowd it together
-        self._load = _tally(listed.picks, choices.place) if self.paired else None
+        self._load = None
+        if self.paired:
+            self._load = _tally(listed.picks, choices.place)
 
     def nearest(self, target: complex, free: np.ndarray | None) -> Candidate | None:
         """The nearest sum, of several the lightest; `None` where the stock has none.

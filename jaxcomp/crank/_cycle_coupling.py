@@ -118,11 +118,9 @@ def orbit_with_cylinder(
         agreed = jnp.asarray(True)
         orbit = _orbit_under_pressure(compressor, cycle, solver)
     else:
-        followed = (
-            None
-            if followed_orbit is None
-            else (followed_orbit.cycle, _without_cycle(followed_orbit))
-        )
+        followed = None
+        if followed_orbit is not None:
+            followed = (followed_orbit.cycle, _without_cycle(followed_orbit))
         (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, followed)
         if motion.rise is not None:
             # `rise_after` ends at the bound: a rise that is there satisfies no law
@@ -157,7 +155,9 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
     # nothing is known of a cycle and an orbit before the first step
     no_cycle = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
     phase = _phase_of_cycles(compressor)
-    steady = None if even else pace_of(no_cycle, jnp.zeros_like, phase)
+    steady = None
+    if not even:
+        steady = pace_of(no_cycle, jnp.zeros_like, phase)
     rise = first_rise(compressor)
     between = None
     if _seeks_pressures(compressor):
@@ -185,7 +185,9 @@ def _agreement(compressor: Compressor, solver) -> tuple[float, float]:
     """[-] Change by a step at which crank and cycle agree, and changes that may be noise."""
     if _is_marched(compressor, solver):
         return _MARCHED_TOLERANCE, _MARCHED_NOISE
-    return (_TOLERANCE if solver.cycle.size == 0 else _TOLERANCE_OF_LARGER_SIZES), 0.0
+    if solver.cycle.size == 0:
+        return _TOLERANCE, 0.0
+    return _TOLERANCE_OF_LARGER_SIZES, 0.0
 
 
 def _sampled(motion: Motion) -> Float[Array, " n"]:
@@ -212,14 +214,18 @@ def _excess_at(pace: Pace, angle: Float[Array, " n"]) -> Float[Array, "*k n"]:
 def _combined(weights: Float[Array, " depth"], outputs: Motion, newest: Motion) -> Motion:
     """The weighted sum of motions, on the panels of the newest."""
     # `None` in one motion is `None` in all: what is unknown is decided before the first step
-    rise = None if outputs.rise is None else weights @ outputs.rise
+    rise = None
+    if outputs.rise is not None:
+        rise = weights @ outputs.rise
     pace = newest.pace
     if pace is not None and outputs.pace is not None:
         on_newest = _combined_pace
         if pace.edges.ndim > 1:
             on_newest = jax.vmap(_combined_pace, (None, 1, 0))
         pace = on_newest(weights, outputs.pace, pace)
-    between = None if outputs.between is None else weights @ outputs.between
+    between = None
+    if outputs.between is not None:
+        between = weights @ outputs.between
     return Motion(weights @ outputs.level, pace, rise, between)
 
 
@@ -234,7 +240,9 @@ def _motion_of_solution(compressor: Compressor, solution: tuple, even: bool) -> 
     """The motion of cycle and orbit that have been found."""
     cycle, orbit = solution
     rise = rise_after(compressor, _with_cycle(orbit, cycle), first_rise(compressor))
-    between = jnp.log(cycle.interstage_pressures) if _seeks_pressures(compressor) else None
+    between = None
+    if _seeks_pressures(compressor):
+        between = jnp.log(cycle.interstage_pressures)
     return _motion_after(compressor, cycle, orbit, even, rise)._replace(between=between)
 
 
@@ -299,7 +307,9 @@ def _motion_after(compressor: Compressor, cycle, orbit: Orbit, even: bool, rise)
 
 def _in_hundreds(rise: Float[Array, ""] | None) -> Float[Array, ""] | None:
     """A rise [K] as an unknown of order one, if it is one."""
-    return None if rise is None else rise / _KELVINS
+    if rise is None:
+        return None
+    return rise / _KELVINS
 
 
 @eqx.filter_jit  # traced once, for its shapes and for all that is solved
@@ -317,7 +327,9 @@ def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
 
 def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
     """A step, with the cycle of a compressor at a speed by `cycle_of`."""
-    rise = None if motion.rise is None else _KELVINS * motion.rise
+    rise = None
+    if motion.rise is not None:
+        rise = _KELVINS * motion.rise
     machine = at_rise(compressor, rise)
     if motion.between is not None:
         gas = replaced(machine.gas, interstage_pressure=jnp.exp(motion.between))

@@ -52,7 +52,9 @@ def orbit_of_motion(
     scales = parameters.scales
     closure = closure_of(compressor.motor)
     grid = resolution.panels_between(parameters.edges, motion.places)
-    fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes) if estimate else None
+    fine = None
+    if estimate:
+        fine = panels(lax.stop_gradient(grid.edges), 2 * resolution.nodes)
     grids = _Grids(grid, fine)
 
     # at all nodes: the state of the crank, and what its joints carry and lose
@@ -89,7 +91,9 @@ def orbit_of_motion(
         )
 
     course = course_on(grid, grid.by_panels)
-    finer_course = None if fine is None else course_on(fine, grids.finer)
+    finer_course = None
+    if fine is not None:
+        finer_course = course_on(fine, grids.finer)
     growth = None
     if closure.needs_steepness:
         rates = steepness(*frozen((compressor, at, scales, energy, acceleration, unknown)))
@@ -163,7 +167,9 @@ class _Grids(NamedTuple):
     @property
     def angle(self) -> Float[Array, " r"]:
         """[rad] In the row."""
-        grids = [self.grid] if self.fine is None else [self.grid, self.fine]
+        grids = [self.grid]
+        if self.fine is not None:
+            grids.append(self.fine)
         return jnp.concatenate([grid.angle.ravel() for grid in grids])
 
     def row(self, values: Float[Array, "*m p s"]) -> Float[Array, "*m r"]:

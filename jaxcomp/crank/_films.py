@@ -171,7 +171,9 @@ def oil_films(compressor: Compressor, orbit: Orbit):
             yield law_name, law
     for number in range(1, crankshaft.count + 1):
         for law_name, law in laws.items():
-            bearing = law.law_of_cylinder(number) if isinstance(law, EachJournal) else law
+            bearing = law
+            if isinstance(law, EachJournal):
+                bearing = law.law_of_cylinder(number)
             if isinstance(bearing, JournalBearing):
                 yield crankshaft.joint(law_name, number), of_cylinder(bearing, number)
 

@@ -133,8 +133,9 @@ def prepare(compressor: Compressor, edges: Float[Array, " e"]) -> OrbitParameter
     stroke = lax.stop_gradient(compressor.mechanism.stroke / 2)
     # The gas force and one of inertia, E over the crank radius: the sum is a scale without gas as well.
     force += energy / min_of(stroke)
-    curve = closure_of(compressor.motor).needs_steepness
-    base = speed if curve else jnp.zeros_like(speed)
+    base = speed
+    if not closure_of(compressor.motor).needs_steepness:
+        base = jnp.zeros_like(speed)
     return OrbitParameters(compressor, edges, UnknownScales(speed, energy, force, base))
 
 
@@ -155,7 +156,9 @@ def initial_motion(parameters: OrbitParameters, resolution: Resolution) -> Motio
     if friction:
         joints = jnp.zeros((count, energy.size + places.size))
     journals = len(orbiting_journals(parameters.compressor))
-    centred = jnp.zeros((2, journals, *energy.shape)) if journals else None
+    centred = None
+    if journals:
+        centred = jnp.zeros((2, journals, *energy.shape))
     zeros = jnp.zeros_like(energy)
     return Motion(energy, zeros, jnp.ones(()), joints, places / PLACE_UNIT, centred)
 
@@ -302,7 +305,10 @@ def improve(
     compressor = parameters.compressor
     scales = parameters.scales
     places = motion.places
-    grid, at = revolution(parameters, resolution, places) if cut is None else cut
+    if cut is None:
+        grid, at = revolution(parameters, resolution, places)
+    else:
+        grid, at = cut
     points = _Points(grid, places)
     energy = points.row(motion.energy)
     acceleration = points.row(motion.acceleration)

@@ -97,10 +97,12 @@ def with_journals(
     several = {
         journal.law for journal in orbiting_journals(compressor) if journal.cylinder is not None
     }
-    at = {
-        law: positions[:, jnp.asarray(numbers)] if law in several else positions[:, numbers[0]]
-        for law, numbers in rows.items()
-    }
+    at = {}
+    for law, numbers in rows.items():
+        if law in several:
+            at[law] = positions[:, jnp.asarray(numbers)]
+        else:
+            at[law] = positions[:, numbers[0]]
     crankshaft = compressor.crankshaft
     friction, support = with_journal_positions(
         compressor.friction, crankshaft.main_journal, at, lossless
@@ -167,11 +169,10 @@ class Drive(NamedTuple):
 
     def mapped(self, function) -> "Drive":
         """This drive at other instants, by a function of arrays over instants."""
-        return self._replace(
-            force=function(self.force),
-            turning=function(self.turning),
-            over=None if self.over is None else function(self.over),
-        )
+        drive = self._replace(force=function(self.force), turning=function(self.turning))
+        if self.over is None:
+            return drive
+        return drive._replace(over=function(self.over))
 
     def _of_films(self, function, position: Positions, out_axis: int = 1):
         """Values of a function of film, position, force and speed for all journals."""
@@ -208,7 +209,9 @@ class Drive(NamedTuple):
             return self.force
 
         def of_film(film, e, f, over):
-            return film.film_force(e, f, over) if isinstance(film, MixedSqueeze) else f
+            if isinstance(film, MixedSqueeze):
+                return film.film_force(e, f, over)
+            return f
 
         return self._of_films(of_film, position)
 
@@ -270,8 +273,11 @@ def journal_drive(
         state: of the crank.
         in_time: for rates in time [1/s] instead of those over the crank angle.
     """
-    over = jnp.ones_like(state.speed) if in_time else state.speed
-    half = 0.5 * state.speed / over if in_time else 0.5
+    over = state.speed
+    half = 0.5
+    if in_time:
+        over = jnp.ones_like(state.speed)
+        half = 0.5 * state.speed / over
     journals = orbiting_journals(compressor)
     shares = rate_shares(compressor, state.angle)
     ones = jnp.ones_like(state.angle)

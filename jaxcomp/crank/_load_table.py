@@ -237,21 +237,39 @@ def _period(x: np.ndarray, load: np.ndarray, stated: float | None) -> tuple[floa
         raise BadInput(f"W_x[{last_index}]", f"{jump:.4g} N away from there", bound)
     if not closed:
         steps = np.append(steps, period - span)
+    _check_steps(x, steps, period, stated)
+    return period, closed
+
+
+def _check_steps(x: np.ndarray, steps: np.ndarray, period: float, stated: float | None) -> None:
+    """Refuse a table with a gap between its points.
+
+    Args:
+        x: [rad] angles of the points.
+        steps: [rad] from each point to the next one, where the table is open also from the last one
+            to the end of the period.
+        period: [rad]
+        stated: [rad] the period, where the table states it.
+    """
     usual = np.median(steps)
     even = np.mean(np.abs(steps - usual) < 1e-3 * usual) > _EVEN
     longest = _LONGER * usual if even else math.inf
     widest = min(WIDEST * (1 + 1e-9), longest)
     if np.any(steps > widest):
+        last_index = x.size - 1
         place = int(np.argmax(steps > widest))
-        to = _degrees(x[0] + period if place == last_index else x[place + 1])
-        usual = f"the others are {_degrees(usual)} wide" if even else f"at most {_degrees(WIDEST)}"
-        bound = f"without a gap: no point follows up to {to} ({usual})"
+        following = x[0] + period
+        if place < last_index:
+            following = x[place + 1]
+        allowed = f"at most {_degrees(WIDEST)}"
+        if even:
+            allowed = f"the others are {_degrees(usual)} wide"
+        bound = f"without a gap: no point follows up to {_degrees(following)} ({allowed})"
         if place == last_index and stated is None:
             bound += (
                 f", the end of a period of {_degrees(period)}; give the period if it is another"
             )
         raise BadInput(f"angle[{place}]", _degrees(x[place]), bound)
-    return period, closed
 
 
 class LoadedJournal(Result, eqx.Module):

@@ -86,7 +86,9 @@ class Performance(Result, eqx.Module):
 def law_of(compressor: Compressor) -> SuctionWarming | None:
     """The law of the rise of the suction gas, if there is one."""
     gas = compressor.gas
-    return gas.suction.warming if isinstance(gas, Cylinder) else None
+    if not isinstance(gas, Cylinder):
+        return None
+    return gas.suction.warming
 
 
 def electric_power(compressor: Compressor, orbit: Orbit) -> Float[Array, ""]:

@@ -135,8 +135,10 @@ class OrbitProblem(AbstractFixedPoint):
         self, parameters: OrbitParameters, reversals: Reversals, motion: Motion, tolerance
     ):
         """One round: the motion, what marks reversals at its nodes, reversals and report."""
-        # as above, places that stay in a round
-        cut = None if self.follow else revolution(parameters, self.resolution, motion.places)
+        cut = None
+        if not self.follow:
+            # as above, places that stay in a round
+            cut = revolution(parameters, self.resolution, motion.places)
 
         def step(motion, auxiliary):
             _, reversals, before = auxiliary

@@ -119,11 +119,10 @@ class Shooting(eqx.Module):
         at = instants(machine, grid.angle)
         speed = jnp.full_like(at.angle, parameters.scales.speed)
         state = CrankState(at.angle, speed, jnp.zeros_like(speed))
-        centred = (
-            jnp.zeros((2, len(orbiting_journals(machine)), *speed.shape))
-            if orbiting_journals(machine)
-            else None
-        )
+        centred = None
+        journals = len(orbiting_journals(machine))
+        if journals:
+            centred = jnp.zeros((2, journals, *speed.shape))
         loads = loads_at(with_journals(machine, centred), state, at.gas_force, False)
         net = grid.total(loads.total_loss_torque - at.conservative)
         level = jnp.ones(())
@@ -246,7 +245,9 @@ class Shooting(eqx.Module):
             y0 = y0, jax.jacfwd(lambda unknowns: _at_rest(machine, unknowns, fixed))(unknowns)
 
         def reported(t, y, args):
-            return tuple(map(_reported, y)) if slopes else _reported(y)
+            if slopes:
+                return tuple(map(_reported, y))
+            return _reported(y)
 
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(_rate_and_slopes if slopes else _rate),

@@ -102,18 +102,19 @@ def solve_orbit(
         return orbit
     from ._verify import march_options
 
-    options = march_options() if verify is True else verify
+    if verify is True:
+        verify = march_options()
     orbit = eqx.tree_at(
         lambda o: o.verification,
         orbit,
-        _verification(compressor, orbit, options),
+        _verification(compressor, orbit, verify),
         is_leaf=lambda leaf: leaf is None,
     )
     status = orbit.verification.status
     if throw and not is_traced(status._value) and bool(jnp.any(status != Status.converged)):
         raise SolveFailed(
             status,
-            f"the march that verifies the orbit did not end within {options.max_steps} steps; take "
+            f"the march that verifies the orbit did not end within {verify.max_steps} steps; take "
             "verify=TimeIntegration(diffrax.Kvaerno5(), tolerance=1e-8)",
         )
     return orbit
@@ -178,7 +179,9 @@ def _raise_if_failed(orbit: Orbit, solver) -> None:
             orbit,
         )
     worst = values.weakest_cylinder
-    where = "" if worst is None else f" in cylinder {int(worst)}"
+    where = ""
+    if worst is not None:
+        where = f" in cylinder {int(worst)}"
     raise SolveFailed(
         status,
         f"residual {float(values.residual):.2g} after {int(values.iterations)} iterations, "

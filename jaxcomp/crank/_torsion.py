@@ -266,7 +266,9 @@ def _count_of_harmonics(chain: TorsionalChain, speed: Float[Array, "*n"]) -> int
 def _cuts(orbit: Orbit, count: int) -> int:
     """Parts of every panel that are short beside a wave of the highest order."""
     width = orbit.panel_width
-    widest = np.pi / 2 if is_traced(width) else float(np.max(np.asarray(width)))
+    widest = np.pi / 2
+    if not is_traced(width):
+        widest = float(np.max(np.asarray(width)))
     return int(np.ceil(count * widest / _PHASE))
 
 
@@ -355,7 +357,9 @@ def train_over_speed(
     """
 
     speeds = jnp.asarray(speeds, float)
-    harmonics = _count_of_harmonics(train.chain(compressor), speeds) if count is None else count
+    harmonics = count
+    if count is None:
+        harmonics = _count_of_harmonics(train.chain(compressor), speeds)
 
     @eqx.filter_jit
     def all_of(compressor, train, speeds):

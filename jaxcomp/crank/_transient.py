@@ -194,7 +194,8 @@ def simulate(
             "a torque law over speed (ConstantTorque, SlipLine, Kloss)",
         )
     valves = isinstance(compressor.gas, Cylinder)
-    options = TimeIntegration() if options is None else options
+    if options is None:
+        options = TimeIntegration()
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")
     off = jnp.inf if power_off is None else power_off
@@ -237,6 +238,9 @@ def _simulate(
     if journals:
         y0["journals"] = jnp.zeros((2, len(journals)))
     y0["work"] = zeros_of(rate, jnp.zeros(()), y0, None)["work"]
+    progress_meter = diffrax.NoProgressMeter()
+    if options.progress:
+        progress_meter = diffrax.TextProgressMeter()
     # downwards only: a start from rest begins with a speed of zero
     stop = diffrax.Event(lambda t, y, args, **_: y["speed"], root_finder=None, direction=False)
     solution = diffrax.diffeqsolve(
@@ -256,9 +260,7 @@ def _simulate(
         event=stop if until_rest else None,
         adjoint=options.adjoint,
         throw=False,
-        progress_meter=(
-            diffrax.TextProgressMeter() if options.progress else diffrax.NoProgressMeter()
-        ),
+        progress_meter=progress_meter,
     )
     stopped = solution.result == diffrax.RESULTS.event_occurred
     reached = stopped | (solution.result == diffrax.RESULTS.successful)

@@ -197,7 +197,9 @@ class CrankAndGas(AbstractLaw):
             **{name: rates / self.pace for name, rates in journal_rates.items()},
         }
         slopes = jnp.concatenate([ravel_pytree(rate)[0], gas_rates.accounts.ravel()])
-        until_stop = at["speed"] if self.until_rest else jnp.ones(())
+        until_stop = at["speed"]
+        if not self.until_rest:
+            until_stop = jnp.ones(())
         return slopes, jnp.append(gas_rates.events, until_stop), gas_rates.force
 
     def towards(self, state, events):
@@ -394,7 +396,9 @@ def _held(compressor: Compressor, pressure=None) -> Compressor:
         pressure = jnp.full(grouping(gas, count).ends, behind)
     if gas.crank_end is None:
         return replaced(compressor, gas=HeldPressure(pressure, behind))
-    stages = gas.stages if gas.later_stages else (1,) * count
+    stages = (1,) * count
+    if gas.later_stages:
+        stages = gas.stages
     crank_ends = [gas.stage(number).crank_end for number in stages]
     held = HeldEnds(
         head_end=pressure[0::2],

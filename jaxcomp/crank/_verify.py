@@ -56,10 +56,10 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     fine = edges[:-1, None] + jnp.diff(edges)[:, None] * share
     nodes = jnp.append(orbit.state.angle[1:], end_angle)
     names = [journal.joint for journal in orbiting_journals(compressor)]
-    orbit_places = None
+    orbit_places = start = None
     if orbit.positions is not None:
         orbit_places = jnp.stack([orbit.positions[name] for name in names], axis=1)
-    start = None if orbit_places is None else orbit_places[..., 0]
+        start = orbit_places[..., 0]
     end, saved, result = _march(law, edges, (nodes, fine.ravel()), options, start)
     (at_nodes, places), (at_fine, fine_places) = saved
 

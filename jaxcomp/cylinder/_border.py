@@ -109,11 +109,13 @@ def harmonic_weights(system: Cylinders, z: Unknowns) -> Quadrature:
 
 def fixed_responses(system: Cylinders, waves: Waves) -> tuple:
     """Responses of the networks that do not change with their waves; `None` of others."""
-    return _per_side(
-        lambda line, side: line.responses(side) if line.is_fixed else None,
-        lines_of(system.shared),
-        waves,
-    )
+
+    def fixed_response(line, side):
+        if not line.is_fixed:
+            return None
+        return line.responses(side)
+
+    return _per_side(fixed_response, lines_of(system.shared), waves)
 
 
 def answers(lines: tuple[Line | None, Line | None], waves: Waves, flows, responses=None) -> Waves:
@@ -128,18 +130,26 @@ def answers(lines: tuple[Line | None, Line | None], waves: Waves, flows, respons
     flows = iter(flows)
 
     def answer(line, side, response):
-        if response is None:
-            response = line.responses(side)
-        return line.answer_of(response, side, next(flows))
+        return line.answer_of(_response_of(line, side, response), side, next(flows))
 
     return _per_side(answer, lines, waves, responses or (None, None))
+
+
+def _response_of(line: Line, side: SideWaves, response):
+    """Response of a network to its waves, where it is not known already."""
+    if response is None:
+        response = line.responses(side)
+    return response
 
 
 def _per_side(function, lines, *parts) -> tuple:
     """Values of a function of each line that is a network, and its parts."""
     sides = []
     for line, *of_line in zip(lines, *parts, strict=True):
-        sides.append(None if line is None else function(line, *of_line))
+        value = None
+        if line is not None:
+            value = function(line, *of_line)
+        sides.append(value)
     return tuple(sides)
 
 
@@ -223,19 +233,11 @@ def _border_slopes(system: Cylinders, waves: Waves, flows: Float[Array, "o h"], 
     vector, unpacked = _packed(waves)
     pressures = sum(side.pressure.size for side in waves if side is not None)
 
-    def response(line, side, response):
-        return line.responses(side) if response is None else response
-
     # a linear solution for every harmonic, which no flow changes: once, and not in every direction
-    responses = _per_side(response, lines, waves, fixed or (None, None))
+    responses = _per_side(_response_of, lines, waves, fixed or (None, None))
 
     def with_responses(waves, flows):
-        parts = []
-        observed = iter(system.of_sides(flows))
-        for line, side, response in zip(lines, waves, responses, strict=True):
-            answer = None if line is None else line.answer_of(response, side, next(observed))
-            parts.append(answer)
-        return _packed((parts[0], parts[1]))[0]
+        return _packed(answers(lines, waves, system.of_sides(flows), responses))[0]
 
     def all_answers(waves):
         return _packed(answers(lines, waves, system.of_sides(flows)))[0]

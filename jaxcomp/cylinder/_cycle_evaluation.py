@@ -58,7 +58,9 @@ def cycle_of(system: Cylinders, solution, marching: bool) -> Cycle:
     solution = solution._replace(totals=solution.totals[0])
     points = jax.tree.map(lambda values: values[:, :, 0], points)
     cycle = _judged(system.shared, solution, points, marching)
-    return cycle if pulsation is None else _with_pulsation(cycle, pulsation)
+    if pulsation is None:
+        return cycle
+    return _with_pulsation(cycle, pulsation)
 
 
 def cycles_of(system: Cylinders, solution, marching: bool) -> SeveralCycles:
@@ -110,9 +112,11 @@ def _from_start(cycle: Cycle) -> Cycle:
     events = START + jnp.mod(cycle.events.angle - START, TURN)
 
     def parts(cycle):
-        plenums = () if cycle.plenum_pressure is None else (cycle.plenum_pressure,)
         # of the flanges the panels keep their own order, as those of the pressure do
-        return *(getattr(cycle, name) for name in names), *plenums
+        of_nodes = [getattr(cycle, name) for name in names]
+        if cycle.plenum_pressure is not None:
+            of_nodes.append(cycle.plenum_pressure)
+        return tuple(of_nodes)
 
     values = (values_at_nodes[..., order] for values_at_nodes in parts(cycle))
     cycle = eqx.tree_at(lambda c: (c.angle, c.events.angle), cycle, (angle[order], events))
@@ -129,8 +133,10 @@ def _followed(system: Cylinders, solution: CycleSolution, marching: bool):
         z = followed.panels
         system = system.with_waves(followed.waves)
         solution = solution._replace(waves=followed.waves)
+    elif marching:
+        z = solution.z
     else:
-        z = solution.z if marching else root(Attached(system, solution.mesh, solution.z))
+        z = root(Attached(system, solution.mesh, solution.z))
     # where Newton's method found nothing, the last march stands
     z = jax.tree.map(lambda new, old: jnp.where(solution.solved, new, old), z, solution.marched)
     solution = solution._replace(z=z)
@@ -173,11 +179,14 @@ def _cycle(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle
     """The result in SI units; where only the march stands, its totals replace the quadrature."""
     mesh, z = solution[:2]
     accounts, pressure, *flanges = points
+    flange_pressure = flanges[0] if flanges else None
     nodes = z.points.shape[1] - 1
     angle, width = point_angles(z.edges, nodes)
     weight = width[:, None] * gauss(nodes).weights
-    totals = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
-    totals = solution.totals if marching else jnp.where(solution.solved, totals, solution.totals)
+    by_quadrature = jnp.einsum("ps,psa->a", weight, accounts[:, :-1])
+    totals = solution.totals
+    if not marching:
+        totals = jnp.where(solution.solved, by_quadrature, totals)
     scales = account_scales(case)
 
     def flat(values):
@@ -229,13 +238,18 @@ def _cycle(case: Case, solution: CycleSolution, points, marching: bool) -> Cycle
         plenum_pressure=_plenum_pressures(case, z.points),
         valve_events=solution.events,
         repeats=solution.repeats,
-        flange_pressure=flanges[0] if flanges else None,
-        piping_work=_piping_work(case, mesh, weight, angle, flanges[0]) if flanges else None,
+        flange_pressure=flange_pressure,
+        piping_work=_piping_work(case, mesh, weight, angle, flange_pressure),
     )
 
 
-def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p s+1 2"]):
-    """[J] Work that the pipes of suction and discharge cost, by what their flange is off its line."""
+def _piping_work(case: Case, mesh: Mesh, weight, angle, flanges: Float[Array, "p s+1 2"] | None):
+    """[J] Work that the pipes of suction and discharge cost, by what their flange is off its line.
+
+    `None` without any.
+    """
+    if flanges is None:
+        return None
 
     def rate(angle):
         return case.volume(angle)[1]

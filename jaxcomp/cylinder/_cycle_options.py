@@ -163,7 +163,9 @@ class CycleOptions(eqx.Module):
 
     def grown(self) -> "CycleOptions | None":
         """The options in the next size, if there is one."""
-        return dataclasses.replace(self, size=self.size + 1) if self.may_grow else None
+        if not self.may_grow:
+            return None
+        return dataclasses.replace(self, size=self.size + 1)
 
     def ladder(self, by_march: bool = True) -> tuple["CycleOptions", ...]:
         """The options in this size and in all larger ones, the smallest first.

@@ -272,9 +272,15 @@ class Cylinder(AbstractGas):
             return None
         if not self.later_stages:
             return self.crank_end.rod_diameter
-        ends = [self.stage(number).crank_end for number in self.stages]
-        # a cylinder without a crank end has a rod of no area
-        return jnp.stack([jnp.zeros(()) if end is None else end.rod_diameter for end in ends])
+        diameters = []
+        for number in self.stages:
+            end = self.stage(number).crank_end
+            if end is None:
+                # a cylinder without a crank end has a rod of no area
+                diameters.append(jnp.zeros(()))
+            else:
+                diameters.append(end.rod_diameter)
+        return jnp.stack(diameters)
 
     def entries_of_ends(self) -> Iterator[str]:
         """Names of the entries by which ends are solved, and not the cylinders alike."""
@@ -326,7 +332,9 @@ class Cylinder(AbstractGas):
 
     def stage(self, number: int) -> "Cylinder | Stage":
         """Part with the valves and ends of a stage, from 1."""
-        return self if number == 1 else self.later_stages[number - 2]
+        if number == 1:
+            return self
+        return self.later_stages[number - 2]
 
     @property
     def plenums(self) -> tuple[Plenum, ...]:
@@ -495,14 +503,18 @@ def _dew(fluid: AbstractFluid, pressure, saturated):
     """[K] Dew temperature of a line; that of a perfect gas is far below all its temperatures."""
     if saturated is not None:
         return saturated
-    return fluid.condensation_temperature(pressure) if isinstance(fluid, AbstractRealGas) else 0.0
+    if isinstance(fluid, AbstractRealGas):
+        return fluid.condensation_temperature(pressure)
+    return 0.0
 
 
 def _bubble(fluid: AbstractRealGas, pressure, saturated):
     """[K] Bubble temperature at the pressure of a line, or at that of its dew temperature."""
     if not fluid.has_glide:
         return _dew(fluid, pressure, saturated)
-    return fluid.bubble_temperature(fluid.dew_pressure(saturated) if pressure is None else pressure)
+    if pressure is None:
+        pressure = fluid.dew_pressure(saturated)
+    return fluid.bubble_temperature(pressure)
 
 
 def _evaporating_limits(cylinder: Cylinder) -> Iterator[_Limit]:
@@ -606,7 +618,9 @@ _RULES: tuple[Callable[[Cylinder], Iterator[_Limit]], ...] = (
 
 
 def _name(fluid: AbstractFluid) -> str:
-    return fluid.name if isinstance(fluid, AbstractRealGas) else "the perfect gas"
+    if isinstance(fluid, AbstractRealGas):
+        return fluid.name
+    return "the perfect gas"
 
 
 def _critical(fluid: AbstractRealGas) -> str:
@@ -743,8 +757,10 @@ class Case(eqx.Module):
 
     def speed_at(self, angle: Float[Array, ""]) -> Float[Array, ""]:
         """[rad/s]"""
+        if self.pace is None:
+            return self.speed / (1 + 0 * angle)
         # excess is that of the time, so the speed has it in the denominator
-        return self.speed / (1 + (0 * angle if self.pace is None else self.pace.at(angle)))
+        return self.speed / (1 + self.pace.at(angle))
 
     def volume(self, angle: Float[Array, ""]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Volume [m^3] and its rate over the crank angle [m^3/rad]."""

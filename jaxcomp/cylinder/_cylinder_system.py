@@ -170,7 +170,9 @@ class Cylinders(eqx.Module):
         def cylinder_rates(case, angle, state, flags, *pressures):
             # a row of pressures for each cylinder, or no argument at all between constant lines:
             # `each` maps over whatever there is
-            lines = self.sides(case, pressures[0]) if pressures else None
+            lines = None
+            if pressures:
+                lines = self.sides(case, pressures[0])
             return rates(case, angle, state, flags, speed=speed, pair=pair, lines=lines)
 
         flags = flags.reshape(-1, FLAGS)
@@ -186,7 +188,9 @@ class Cylinders(eqx.Module):
             # plenums are shared: they see the sum of what all cylinders draw and deliver, at the
             # pace of the first one, by whose own angle the shared case counts
             streams = jnp.sum(of_each.streams, axis=0)
-            pace = shared.speed_at(self.own_angle(angle)[0]) if speed is None else shared.speed
+            pace = shared.speed
+            if speed is None:
+                pace = shared.speed_at(self.own_angle(angle)[0])
             of_chains = chain_rates(shared, pair, plenums, streams, pace)
             slopes = jnp.concatenate([slopes, of_chains])
         return of_each._replace(
@@ -195,11 +199,15 @@ class Cylinders(eqx.Module):
 
     def _around_cylinders(self, angle, plenums: Float[Array, " 3p"]):
         """Pressures at the flanges (k, l) in a list, empty where lines are constant, and the plenums."""
-        pressures = [] if self.waves is None else [self.flange_pressures(angle)]
+        pressures = []
+        if self.waves is not None:
+            pressures.append(self.flange_pressures(angle))
         if not plenums.size:
             return pressures, None
-        # all share the flange that plenums stand at
-        lines = self.sides(self.shared, pressures[0][0]) if pressures else None
+        lines = None
+        if pressures:
+            # all share the flange that plenums stand at
+            lines = self.sides(self.shared, pressures[0][0])
         return pressures, chains(self.shared, plenums, lines)
 
     def choking_margins(self, angle, state, flags) -> Float[Array, " 2k"]:
@@ -208,7 +216,9 @@ class Cylinders(eqx.Module):
         pressures, pair = self._around_cylinders(angle, plenums)
 
         def of_cylinder(case, angle, state, flags, *pressures):
-            lines = self.sides(case, pressures[0]) if pressures else None
+            lines = None
+            if pressures:
+                lines = self.sides(case, pressures[0])
             return choking_margins(case, angle, state, flags, pair, lines)
 
         flags = flags.reshape(-1, FLAGS)
@@ -259,38 +269,28 @@ class Cylinders(eqx.Module):
 
         def cylinder_slopes(case, angle, state, flags):
             def law(packed, gas):
-                pair = chains(shared, packed[1 + m :]) if q else None
+                pair = None
+                if q:
+                    pair = chains(shared, packed[1 + m :])
                 cylinder_rates = rates(case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair)
                 parts = [cylinder_rates.state, cylinder_rates.events]
-                return jnp.concatenate([*parts, cylinder_rates.streams] if q else parts)
+                if q:
+                    parts.append(cylinder_rates.streams)
+                return jnp.concatenate(parts)
 
             # the directions on which a cylinder depends at all; by states of other cylinders its
             # rates have no slope
-            packed = jnp.concatenate([angle[None], state, plenums] if q else [angle[None], state])
-            return in_angle_and_state(case, law, packed)
+            directions = [angle[None], state]
+            if q:
+                directions.append(plenums)
+            return in_angle_and_state(case, law, jnp.concatenate(directions))
 
         values, slopes = self.each(cylinder_slopes, own_angle, states, flags.reshape(-1, FLAGS))
         parts = (slice(0, m), slice(m, m + EVENTS), slice(m + EVENTS, None))
         state_1, events, streams = (values[:, part] for part in parts)
         of_state, of_events, of_streams = (slopes[:, part] for part in parts)
 
-        def among_all(rows: Float[Array, "k r c"]):
-            """From own columns, of angle, state and plenums, to those of all."""
-            if k == 1:
-                return rows[0, :, 1:], rows[0, :, 0]
-            diagonal = np.arange(k)
-            # blocks of each cylinder along the diagonal; the columns of the shared plenums stand
-            # behind them
-            wide = (
-                jnp.zeros((k, rows.shape[1], k, m))
-                .at[diagonal, :, diagonal]
-                .set(rows[:, :, 1 : 1 + m])
-            )
-            wide = wide.reshape(*rows.shape[:2], k * m)
-            of_all = jnp.concatenate([wide, rows[:, :, 1 + m :]], axis=2)
-            return of_all.reshape(-1, k * m + q), rows[:, :, 0].ravel()
-
-        by_state, by_angle = among_all(of_state)
+        by_state, by_angle = self._among_all(of_state)
         if self.leaks_between:
             rows = self.columns(0, 1)
             ring_rates, with_angle, with_states = self._slopes_between_ends(angle, states)
@@ -308,13 +308,29 @@ class Cylinders(eqx.Module):
             with_angle, with_plenums, with_streams = jax.jacfwd(of_plenums, (0, 1, 2))(*of_chains)
             # chain rule: plenums feel the cylinders through their streams alone
             through = jnp.einsum("qa,kac->kqc", with_streams, of_streams)
-            rows, turned = among_all(through)
+            rows, turned = self._among_all(through)
             rows = rows.reshape(k, q, -1).sum(0)
             turned = turned.reshape(k, q).sum(0)
             by_state = jnp.concatenate([by_state, rows.at[:, k * m :].add(with_plenums)])
             by_angle = jnp.concatenate([by_angle, turned + with_angle])
             state_1 = jnp.concatenate([state_1.ravel(), of_plenums(*of_chains)])
-        return (state_1.ravel(), events.ravel()), (by_state, by_angle), among_all(of_events)
+        return (state_1.ravel(), events.ravel()), (by_state, by_angle), self._among_all(of_events)
+
+    def _among_all(self, rows: Float[Array, "k r c"]):
+        """From own columns, of angle, state and plenums, to those of all."""
+        k = self.count
+        m = self.stride
+        if k == 1:
+            return rows[0, :, 1:], rows[0, :, 0]
+        diagonal = np.arange(k)
+        # blocks of each cylinder along the diagonal; the columns of the shared plenums stand
+        # behind them
+        wide = (
+            jnp.zeros((k, rows.shape[1], k, m)).at[diagonal, :, diagonal].set(rows[:, :, 1 : 1 + m])
+        )
+        wide = wide.reshape(*rows.shape[:2], k * m)
+        of_all = jnp.concatenate([wide, rows[:, :, 1 + m :]], axis=2)
+        return of_all.reshape(-1, of_all.shape[2]), rows[:, :, 0].ravel()
 
     def with_waves(self, waves: Waves) -> "Cylinders":
         """These cylinders behind flanges with given waves."""
@@ -328,7 +344,9 @@ class Cylinders(eqx.Module):
     @property
     def first(self) -> Case:
         """The first cylinder."""
-        return self.cases if self.count == 1 else jax.tree.map(lambda leaf: leaf[0], self.cases)
+        if self.count == 1:
+            return self.cases
+        return jax.tree.map(lambda leaf: leaf[0], self.cases)
 
     @property
     def piped_sides(self) -> tuple[int, ...]:
@@ -462,7 +480,6 @@ class Cylinders(eqx.Module):
         """Rates over the crank angle with their derivatives, also in the pressures at the flanges."""
         states, plenums = self.parted(state)
         m = self.stride
-        k = self.count
         q = plenums.size
         shared = self.shared
         tau, pace = self._time(angle)
@@ -474,7 +491,9 @@ class Cylinders(eqx.Module):
         def cylinder_slopes(case, angle, state, flags, pressures):
             def law(packed, gas):
                 sides = self.sides(case, packed[1 + m + q :])
-                pair = chains(shared, packed[1 + m : 1 + m + q], sides) if q else None
+                pair = None
+                if q:
+                    pair = chains(shared, packed[1 + m : 1 + m + q], sides)
                 cylinder_rates = rates(
                     case, packed[0], packed[1 : 1 + m], flags, gas, pair=pair, lines=sides
                 )
@@ -492,16 +511,9 @@ class Cylinders(eqx.Module):
         # time
         by_angle = slopes[:, :, 0] + jnp.einsum("krl,kl->kr", of_pressures, pressures_1)
 
-        def among_all(rows: Float[Array, "k r c"]):
-            """From own columns to those of all cylinders."""
-            diagonal = np.arange(k)
-            width = rows.shape[2]
-            wide = jnp.zeros((k, rows.shape[1], k, width)).at[diagonal, :, diagonal].set(rows)
-            return wide.reshape(k * rows.shape[1], k * width)
-
         def among_states(rows: Float[Array, "k r c"]):
             """Rows of own states among those of all, with columns of the plenums behind them."""
-            of_cylinders = among_all(rows[:, :, 1 : 1 + m])
+            of_cylinders = _along_diagonal(rows[:, :, 1 : 1 + m])
             if not q:
                 return of_cylinders
             of_plenums = rows[:, :, 1 + m : 1 + m + q].reshape(-1, q)
@@ -513,7 +525,7 @@ class Cylinders(eqx.Module):
             among_states(slopes[:, part]) for part in parts
         )
         by_pressure, events_by_pressure, streams_by_pressure = (
-            among_all(of_pressures[:, part]) for part in parts
+            _along_diagonal(of_pressures[:, part]) for part in parts
         )
         turned, events_turned, streams_turned = (by_angle[:, part].ravel() for part in parts)
         of_states = [state_1, turned, by_state, by_pressure]
@@ -679,7 +691,17 @@ class Cylinders(eqx.Module):
 
     @staticmethod
     def _joined(states, plenums):
-        return jnp.concatenate([states.ravel(), plenums]) if plenums.size else states.ravel()
+        if not plenums.size:
+            return states.ravel()
+        return jnp.concatenate([states.ravel(), plenums])
+
+
+def _along_diagonal(rows: Float[Array, "k r c"]) -> Float[Array, "kr kc"]:
+    """Rows of each cylinder, from own columns to those of all cylinders."""
+    k, height, width = rows.shape
+    diagonal = np.arange(k)
+    wide = jnp.zeros((k, height, k, width)).at[diagonal, :, diagonal].set(rows)
+    return wide.reshape(k * height, k * width)
 
 
 def _of_other_end(values: Float[Array, " k"]) -> Float[Array, " k"]:

@@ -69,11 +69,15 @@ def grouping(cylinder: Cylinder, count: int) -> Grouping:
     if cylinder.later_stages:
         # Every cylinder has plenums of its own.
         touching = bool(cylinder.plenums) or cylinder.leakage is not None
-        return Grouping(ends, sides, count if touching else ends)
+        if touching:
+            return Grouping(ends, sides, count)
+        return Grouping(ends, sides, ends)
     if cylinder.plenums or is_piped(cylinder):
         return Grouping(ends, sides, 1)
     # between constant lines ends touch past the rings alone: head and crank end of one cylinder
-    return Grouping(ends, sides, ends if cylinder.leakage is None or sides == 1 else count)
+    if cylinder.leakage is None or sides == 1:
+        return Grouping(ends, sides, ends)
+    return Grouping(ends, sides, count)
 
 
 def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOptions:
@@ -88,7 +92,9 @@ def options_of(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleOp
         options = options.behind_pipes()
     if has_ends(cylinder):
         return options.of_several(grouping(cylinder, count).together)
-    return options.of_several(count if piped or cylinder.plenums else 1)
+    if piped or cylinder.plenums:
+        return options.of_several(count)
+    return options.of_several(1)
 
 
 def phase_of_ends(cylinder: Cylinder, phase: Float[Array, " k"]) -> Float[Array, " e"]:
@@ -139,7 +145,7 @@ def ends_of(cylinder: Cylinder, mechanisms: Sequence[AbstractMechanism], phase) 
         mechanisms: the linkage of every cylinder.
         phase: [rad] own crank angle of every cylinder less that of the crank.
     """
-    stages = cylinder.stages if cylinder.later_stages else (1,) * len(mechanisms)
+    stages = _stages_of_cylinders(cylinder, len(mechanisms))
     of_stages = between_lines(cylinder)
     cylinders = []
     pistons = []
@@ -252,10 +258,17 @@ class _EndParts(NamedTuple):
     pocket: Any
 
 
+def _stages_of_cylinders(cylinder: Cylinder, count: int) -> tuple[int, ...]:
+    """Number of the stage, from 1, of each of so many cylinders."""
+    if cylinder.later_stages:
+        return cylinder.stages
+    return (1,) * count
+
+
 def _parts_of_ends(cylinder: Cylinder, count: int) -> list[_EndParts]:
     """Unloader and pocket of each end, in the order of settings."""
     parts = []
-    for number in cylinder.stages if cylinder.later_stages else (1,) * count:
+    for number in _stages_of_cylinders(cylinder, count):
         stage = cylinder.stage(number)
         valve = stage.suction_valve
         parts.append(_EndParts(number, getattr(valve, "unloader", None), stage.pocket))
@@ -361,13 +374,17 @@ def _ends_of_cylinder(
     rings = cylinder.leakage
     packing = crank_end.packing
     # no rod passes the head end; a packing without a gap keeps the parts of both ends of one kind
-    closed = None if packing is None else replaced(packing, gap=jnp.zeros(()))
+    closed = None
+    if packing is not None:
+        closed = replaced(packing, gap=jnp.zeros(()))
     clearance = crank_end.clearance_ratio
+    if clearance is None:
+        clearance = cylinder.clearance_ratio
     head = rebuilt(cylinder, crank_end=None, leakage=closed)
     crank = rebuilt(
         head,
         leakage=packing,
-        clearance_ratio=cylinder.clearance_ratio if clearance is None else clearance,
+        clearance_ratio=clearance,
         suction_valve=crank_end.suction_valve or cylinder.suction_valve,
         discharge_valve=crank_end.discharge_valve or cylinder.discharge_valve,
         pocket=crank_end.pocket,

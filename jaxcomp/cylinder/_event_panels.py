@@ -314,8 +314,13 @@ def turning_margins(case: Case, mesh: Mesh, z: Unknowns) -> Float[Array, "2 2"]:
         free = (mesh.flags[:, 3 * which] == FREE) & (width > 1e-7)
         for place in range(2):
             # towards the stop, or towards the seat
-            beyond = states[..., 2 + 3 * which] - 1 if place else -states[..., 2 + 3 * which]
-            rate = states[..., 3 + 3 * which] * pace * (1 if place else -1)
+            if place:
+                beyond = states[..., 2 + 3 * which] - 1
+                sense = 1
+            else:
+                beyond = -states[..., 2 + 3 * which]
+                sense = -1
+            rate = states[..., 3 + 3 * which] * pace * sense
             bend = rate[:, 1:] @ slope / wide
             touches = free & (mesh.event == 4 * which + place) & (bend < 0)
             # height of the parabola on which the valve would have flown on beyond the contact

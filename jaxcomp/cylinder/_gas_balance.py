@@ -161,7 +161,8 @@ def rates(
         pair: the plenums before the suction and behind the discharge valve, which `Cylinders` follows.
         lines: the gas at the flanges, where pipes let it swing; that of the case if absent.
     """
-    gas = gas_in(case, angle, state) if gas is None else gas
+    if gas is None:
+        gas = gas_in(case, angle, state)
     cylinder = case.cylinder
     inside = side_of(gas)
     flanges = case.lines if lines is None else lines
@@ -177,13 +178,17 @@ def rates(
         spin = (maximum(jnp.abs(speed), 1e-3 * case.speed),) * 2
     # within a revolution the wall's temperature does not vary
     walls = cylinder.walls if speed is None else None
-    wall = cylinder.wall_temperature if walls is None else state[STATES] * case.suction.T
+    wall = cylinder.wall_temperature
+    if walls is not None:
+        wall = state[STATES] * case.suction.T
 
     valves = _valves(case, (before, inside, behind), state[2:STATES], flags, pace, angle)
     transport = _transport(cylinder, gas)
     # the sign of the suction valve's difference, where that is the one to the line
     follows = cylinder.inert and pair is None and lines is None
-    inward = flags[2] > 0 if follows else None
+    inward = None
+    if follows:
+        inward = flags[2] > 0
     # the crankcase has the gas of the line, whatever swings in pipes and plenums before the valve
     leak, leak_enthalpy = _leakage(case, inside, case.lines[0], inward, transport)
     heat = _heat(case, angle, gas, volume, volume_1, spin, valves, transport, wall)
@@ -383,7 +388,9 @@ def _push(valve: AbstractValve, moving: Oscillator, lift, by_gas, angle) -> Floa
     """[N] On the plate towards its stop, without what slows it: gas, spring and unloader."""
     push = by_gas - moving.stiffness * (lift + moving.preload)
     unloader = getattr(valve, "unloader", None)
-    return push if unloader is None else push + unloader.force_at(angle)
+    if unloader is None:
+        return push
+    return push + unloader.force_at(angle)
 
 
 def _leakage(case: Case, inside: Side, suction: Side, inward, transport):
@@ -392,7 +399,8 @@ def _leakage(case: Case, inside: Side, suction: Side, inward, transport):
     if gap is None:
         return jnp.zeros(()), inside.h
     viscosity = transport[0] if gap.viscosity is None else gap.viscosity
-    inward = suction.p > inside.p if inward is None else inward
+    if inward is None:
+        inward = suction.p > inside.p
     flow = gap.flow(inside, suction, case.sealed_diameter, viscosity)
     return flow, jnp.where(inward, suction.h, inside.h)
 

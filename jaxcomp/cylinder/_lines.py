@@ -68,13 +68,17 @@ class SuctionLine(Part):
     def states(self, fluid: AbstractFluid) -> tuple[GasState, GasState]:
         """The gas at the suction valve, and as it comes to the compressor."""
         pressure, dew = _pressure(fluid, self.pressure, self.evaporating, self.superheat)
-        temperature = dew + self.superheat if self.temperature is None else self.temperature
+        temperature = self.temperature
+        if temperature is None:
+            temperature = dew + self.superheat
 
         def at(temperature):
             return fluid.state(temperature, fluid.density(temperature, pressure))
 
         comes = at(temperature)
-        return (comes if self.heating is None else at(temperature + self.heating)), comes
+        if self.heating is None:
+            return comes, comes
+        return at(temperature + self.heating), comes
 
 
 class DischargeLine(Part):
@@ -195,9 +199,10 @@ def _pressure(fluid, pressure, dew, superheat=None):
     if pressure is None or superheat is not None:
         if not has_dew_line(fluid):
             raise ValueError("a rating point by dew temperatures needs a real gas with a dew line.")
-        saturation = (
-            fluid.saturation(p=pressure) if pressure is not None else fluid.saturation(T=dew)
-        )
+        if pressure is None:
+            saturation = fluid.saturation(T=dew)
+            return saturation.p, saturation.T
+        saturation = fluid.saturation(p=pressure)
         return saturation.p, saturation.T
     return pressure, None
 

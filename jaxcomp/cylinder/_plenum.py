@@ -105,7 +105,9 @@ def chains(
         state: (3 p,) over its scales.
         lines: the gas at the flanges, where pipes let it swing; that of the case if absent.
     """
-    line_before, line_behind = (case.suction, case.discharge) if lines is None else lines
+    if lines is None:
+        lines = (case.suction, case.discharge)
+    line_before, line_behind = lines
     scales = chain_scales(case)
     fluid = case.cylinder.fluid
     suction = case.cylinder.suction.plenums
@@ -177,7 +179,13 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
         ]
         necks = [(flow, flow * gas.h) for flow, gas in zip(chain.flows, up, strict=True)]
         # the streams into the first plenum, between plenums, and out of the last
-        along = [*necks, at_valve] if chain.inward else [at_valve, *necks]
+        along = [at_valve, *necks]
+        # the wall touches the plenum next to the valve: the last one before it, the first one
+        # behind it
+        at_wall = 0
+        if chain.inward:
+            along = [*necks, at_valve]
+            at_wall = count - 1
         for i, (plenum, gas) in enumerate(zip(chain.plenums, chain.gases, strict=True)):
             come, with_it = along[i]
             go, away = along[i + 1]
@@ -186,9 +194,7 @@ def chain_rates(case, pair, state, streams: Float[Array, " 6"], pace) -> Float[A
             # the balance of the cylinder with V' = 0; its rate is in time, and over the angle by
             # the pace below
             energy = gas.T * gas.dp_dT * gained / gas.rho - gas.h * gained + with_it - away
-            # the wall touches the plenum next to the valve: the last one before it, the first one
-            # behind it
-            if walls is not None and i == (count - 1 if chain.inward else 0):
+            if walls is not None and i == at_wall:
                 energy = energy + heat
             T = state[PER_PLENUM * (place + i) + 1]
             T_1 = energy / (mass * gas.c_v * scales.temperature * pace)
@@ -218,11 +224,17 @@ def first_states(case, at_rest: bool) -> Float[Array, " 3p"]:
     states = []
     for i, plenum in enumerate((*suction, *discharge)):
         line = case.suction if i < len(suction) or at_rest else case.discharge
-        T = line.T if plenum.temperature is None else plenum.temperature
-        rho = line.rho if plenum.temperature is None else fluid.density(T, line.p)
+        if plenum.temperature is None:
+            T = line.T
+            rho = line.rho
+        else:
+            T = plenum.temperature
+            rho = fluid.density(T, line.p)
         flow = jnp.asarray(0.0 if at_rest else 0.7)
         states += [rho * plenum.volume / scales.mass[i], T / scales.temperature, flow]
-    return jnp.stack(states) if states else jnp.zeros(0)
+    if not states:
+        return jnp.zeros(0)
+    return jnp.stack(states)
 
 
 class PassedGas(NamedTuple):
@@ -269,10 +281,14 @@ def settled_states(
             rise = lack / maximum(
                 gas_passed.mass + gas_passed.back, _LEAST_PASSED * case.mass_scale
             )
-            # warmer suction gas carries more away
-            change = (-rise if chain.inward else rise) / (gas.c_p * gas.T)
+            if chain.inward:
+                # warmer suction gas carries more away
+                rise = -rise
+            change = rise / (gas.c_p * gas.T)
             factor = 1 + clip(change, -_MOST_SETTLED, _MOST_SETTLED)
-            factors.append(factor if plenum.temperature is None else jnp.ones(()))
+            if plenum.temperature is not None:
+                factor = jnp.ones(())
+            factors.append(factor)
     if not factors:
         return state
     factor = jnp.stack(factors)
@@ -284,8 +300,10 @@ def settled_states(
 
 def _gas(fluid: AbstractFluid, plenum: Plenum, mass, T) -> GasState:
     low, high = fluid.temperature_range
-    T = clip(T, low, 2 * high) if plenum.temperature is None else plenum.temperature
-    return fluid.state(T, maximum(mass / plenum.volume, 1e-9))
+    temperature = plenum.temperature
+    if temperature is None:
+        temperature = clip(T, low, 2 * high)
+    return fluid.state(temperature, maximum(mass / plenum.volume, 1e-9))
 
 
 def _mixed(forward, a: GasState | Side, b: GasState | Side) -> "_Carried":

@@ -62,7 +62,9 @@ def with_ring_flow(
     """
     inside, behind = gases
     flow, carried = past_rings(case, inside, behind)
-    pace = case.speed_at(angle) if speed is None else case.speed
+    pace = case.speed
+    if speed is None:
+        pace = case.speed_at(angle)
     # this end leaks to the gas of the other one, which counts the same flow with the opposite sign
     mass_1 = -flow / pace
     energy_1 = inside.T * inside.dp_dT * mass_1 / inside.rho - inside.h * mass_1 - carried / pace

@@ -254,7 +254,8 @@ class SeveralCycles(Result, eqx.Module):
         if self.together is not None:
             # all of a group have the same edges: each cylinder names some of them
             ends = gas.edges.shape[0]
-            groups = self.together.z.edges.shape[0] if self.together.z.edges.ndim > 1 else 1
+            edges = self.together.z.edges
+            groups = edges.shape[0] if edges.ndim > 1 else 1
             count = ends // groups
             kinks = [gas.edges[i, 1 + i % count :: count] for i in range(ends)]
             gas = replaced(gas, kinks=jnp.stack(kinks))
@@ -262,7 +263,9 @@ class SeveralCycles(Result, eqx.Module):
             # The crankcase has the gas that the first stage draws.
             crankcase = gas.back_pressure[self.of_stage(1)[0]]
             gas = replaced(gas, back_pressure=jnp.full_like(gas.back_pressure, crankcase))
-        return gas if self.sides == 1 else ends_under(gas, self.each.case.mechanism)
+        if self.sides == 1:
+            return gas
+        return ends_under(gas, self.each.case.mechanism)
 
 
 def unsolved(cycle: Cycle | SeveralCycles) -> Cycle | SeveralCycles:

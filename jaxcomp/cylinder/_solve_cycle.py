@@ -245,7 +245,9 @@ def pace_of(
         return jax.vmap(on)(edges, jnp.zeros(edges.shape[0]))
     if edges.ndim > 1:
         return jax.vmap(on)(edges, phase)
-    return on(edges, phase[0] if phase.size == 1 else jnp.zeros(()))
+    if phase.size == 1:
+        return on(edges, phase[0])
+    return on(edges, jnp.zeros(()))
 
 
 @eqx.filter_jit
@@ -264,7 +266,8 @@ def _solved_if_admissible(cylinder, mechanism, speed, options: CycleOptions, pac
     good = admissible(cylinder) & admissible(mechanism) & (speed > 0)
     good &= jnp.all(jnp.stack(ports_fit(cylinder, mechanism)))
     speed = jnp.where(speed > 0, speed, 1.0)
-    start = solution_of(start) if isinstance(start, Cycle) else start
+    if isinstance(start, Cycle):
+        start = solution_of(start)
     cycle = _solved(clipped(cylinder), clipped(mechanism), speed, options, pace, start)
     status = Status.where(good, cycle.status, Status.bad_input)
     return eqx.tree_at(lambda c: c.status, cycle, status)
@@ -288,8 +291,10 @@ def _together(
     """Cylinders that are solved together; with `stacked_lines` the gas side has an axis of them."""
 
     def prepared(cylinder, mechanism, phase):
-        # a pace counts the angle of the crank, every cylinder its own
-        own_pace = None if pace is None else Pace(pace.edges + phase, pace.excess)
+        own_pace = None
+        if pace is not None:
+            # a pace counts the angle of the crank, every cylinder its own
+            own_pace = Pace(pace.edges + phase, pace.excess)
         return prepare(cylinder, mechanism, speed, own_pace)
 
     over = jax.vmap(prepared, (0 if stacked_lines else None, 0, 0))
@@ -428,7 +433,8 @@ def solution_of(cycle: Cycle | SeveralCycles, followed: bool = False) -> CycleSo
     """
     if isinstance(cycle, SeveralCycles) and cycle.together is None:
         return jax.vmap(partial(solution_of, followed=followed))(cycle.each)
-    cycle = cycle if followed else lax.stop_gradient(cycle)
+    if not followed:
+        cycle = lax.stop_gradient(cycle)
     if isinstance(cycle, SeveralCycles):
         together = cycle.together
         # one cylinder that was not solved makes all of them useless as a start: they have one
@@ -462,10 +468,14 @@ def no_solution(cylinder: Cylinder, count: int, options: CycleOptions) -> CycleS
         blank = blank_solution(ends.together, size, options_of(cylinder, count, options))
         if is_piped(cylinder):
             blank = blank._replace(waves=waves_at_rest(cylinder))
-        return blank if ends.groups == 1 else over_cylinders(blank, ends.groups)
+        if ends.groups == 1:
+            return blank
+        return over_cylinders(blank, ends.groups)
     if count > 1 and not (cylinder.plenums or is_piped(cylinder)):
         return over_cylinders(no_solution(cylinder, 1, options), count)
     own_states = STATES + (0 if cylinder.walls is None else OF_WALL)
     size = count * own_states + PER_PLENUM * len(cylinder.plenums)
     blank = blank_solution(count, size, options_of(cylinder, count, options))
-    return blank._replace(waves=waves_at_rest(cylinder)) if is_piped(cylinder) else blank
+    if is_piped(cylinder):
+        blank = blank._replace(waves=waves_at_rest(cylinder))
+    return blank

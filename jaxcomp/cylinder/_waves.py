@@ -232,7 +232,9 @@ class Line(eqx.Module):
         fluid = self.cylinder.fluid
         state = self.comes
         if self.piping.temperature is not None or temperature.size:
-            T = self.piping.temperature if not temperature.size else temperature[0] * self.state.T
+            T = self.piping.temperature
+            if temperature.size:
+                T = temperature[0] * self.state.T
             state = fluid.state(T, fluid.density(T, self.state.p))
         return pipe_gas(fluid, state)
 

@@ -60,15 +60,17 @@ class WallNetwork(Part):
             wall: [K]
             pair: both chains of plenums, or `None` without any.
         """
+        to_suction = to_discharge = jnp.zeros(())
+        if not pair:
+            return to_suction, to_discharge
         # in the order of the flow: next to the valve are the last one before it and the first one
         # behind it
-        before = pair[0].gases if pair else ()
-        behind = pair[1].gases if pair else ()
-        none = jnp.zeros(())
-        return (
-            self.suction_conductance * (wall - before[-1].T) if before else none,
-            self.discharge_conductance * (wall - behind[0].T) if behind else none,
-        )
+        before, behind = pair
+        if before.gases:
+            to_suction = self.suction_conductance * (wall - before.gases[-1].T)
+        if behind.gases:
+            to_discharge = self.discharge_conductance * (wall - behind.gases[0].T)
+        return to_suction, to_discharge
 
     def gained(self, wall, to_gas, to_plenums) -> Float[Array, ""]:
         """[W] What the wall gains.

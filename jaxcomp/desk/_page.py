@@ -47,9 +47,7 @@ class Page:
         self.units = pn.widgets.Select(label="Units", options=list(SYSTEMS), width=110)
         self.units.param.watch(self._other_units, "value")
         self.dark = pn.widgets.Toggle(label="Dark", width=64, margin=(24, 10, 5, 5))
-        self.dark.param.watch(
-            lambda event: self.body.param.update(styles=DARK if event.new else LIGHT), "value"
-        )
+        self.dark.param.watch(self._other_shade, "value")
         self._request = 0
         self.open(scene, patience)
 
@@ -111,8 +109,9 @@ class Page:
     def _new_buttons(self) -> dict[str, Any]:
         calls = {"Undo": self._undo, "Redo": self._redo, "Pin this state": self._pin}
         calls |= {"Sort by gain": self._sort, "Improve": self._improve}
-        button = pn.widgets.Button
-        buttons = {name: button(label=name, on_click=call) for name, call in calls.items()}
+        buttons = {}
+        for name, call in calls.items():
+            buttons[name] = pn.widgets.Button(label=name, on_click=call)
         buttons["Improve"].button_type = "primary"
         if self._searched is self.desk:
             buttons["Improve"].param.update(label=_STOP, button_type="danger")
@@ -136,7 +135,8 @@ class Page:
             angle.param.watch(lambda event: self.pictures.turn(event.new), "value")
             mechanism = pn.Column(panes.pop(), angle, **WIDE)
             # of a machine with valves their lift stands beside the indicator diagram
-            panes.insert(1 if self.desk.view.lifts else 0, mechanism)
+            place = 1 if self.desk.view.lifts else 0
+            panes.insert(place, mechanism)
         return [grid(first, *panes[:1]), *panes[1:]]
 
     # ------------------------------------------------------------ what the user does
@@ -197,6 +197,10 @@ class Page:
         if not self._influences:
             self.say(_WAITING, "info")
 
+    def _other_shade(self, event) -> None:
+        styles = DARK if event.new else LIGHT
+        self.body.param.update(styles=styles)
+
     def _other_units(self, event) -> None:
         self.desk.system = event.new
         self._lay_out(list(self.sliders))
@@ -243,12 +247,18 @@ class Page:
 
     def _undo(self, _) -> None:
         self._drag()
-        self.say("" if self.desk.undo() else "There is nothing to undo.")
+        if self.desk.undo():
+            self.say("")
+        else:
+            self.say("There is nothing to undo.")
         self._show_all()
 
     def _redo(self, _) -> None:
         self._drag()
-        self.say("" if self.desk.redo() else "There is nothing to do again.")
+        if self.desk.redo():
+            self.say("")
+        else:
+            self.say("There is nothing to do again.")
         self._show_all()
 
     def _pin(self, _) -> None:
@@ -287,10 +297,8 @@ class Page:
         def show_progress(stage, count, total):
             if stop.is_set():
                 raise SearchStopped
-            later(lambda: self._search_goes_on(desk, stop, f"{stage} {count} of {total}"))
-
-        def later(call):
-            call() if document is None else _in_time(document, call)
+            progress = f"{stage} {count} of {total}"
+            _in_time(document, lambda: self._search_goes_on(desk, stop, progress))
 
         def work():
             try:
@@ -299,7 +307,7 @@ class Page:
                 return  # whoever stopped it has been answered
             except (BadInput, SolveFailed) as error:
                 outcome = error
-            later(lambda: self._search_ended(desk, stop, outcome))
+            _in_time(document, lambda: self._search_ended(desk, stop, outcome))
 
         thread = threading.Thread(target=work, daemon=True)
         thread.start()
@@ -379,12 +387,12 @@ class Page:
 
     def _show_gas(self) -> None:
         lines = self.desk.gas_lines()
-        self.gas.object = "\n".join(f"- {as_it_is(line)}" for line in lines)
+        self.gas.object = _bullets(lines)
         self.gas.visible = bool(lines)
 
     def _show_warnings(self) -> None:
         warnings = self.desk.warnings()
-        self.warnings.object = "\n".join(f"- Unusual: {as_it_is(warning)}" for warning in warnings)
+        self.warnings.object = _bullets(warnings, "Unusual: ")
         self.warnings.visible = bool(warnings)
 
     def _show(self) -> None:
@@ -404,8 +412,11 @@ class Page:
         with hold():
             self.pictures.show(view, desk.pinned)
             rows = self._result_rows()
-            moving = [column for column in rows if column in ("Now", "Difference")]
-            self.results.patch({column: list(enumerate(rows[column])) for column in moving})
+            moving = {}
+            for column in rows:
+                if column in ("Now", "Difference"):
+                    moving[column] = list(enumerate(rows[column]))
+            self.results.patch(moving)
             self.state.object = f"{named} {view.status and f'⚠ {as_it_is(view.status)}'}"
 
     def _show_gains(self) -> None:
@@ -414,18 +425,26 @@ class Page:
 
     def _fill_gains(self) -> None:
         gains = self._gains()
-        columns = zip(*(gains[name] for name in self.table.value["name"]), strict=True)
-        self.table.patch(
-            {key: list(enumerate(column)) for key, column in zip(_GAIN, columns, strict=True)}
-        )
+        rises = []
+        changes = []
+        for row, name in enumerate(self.table.value["name"]):
+            rise, change = gains[name]
+            rises.append((row, rise))
+            changes.append((row, change))
+        self.table.patch({_GAIN[0]: rises, _GAIN[1]: changes})
 
     def _gains(self) -> dict[str, tuple[float, str]]:
         """Gain of every number as a number, which sorts, and in words."""
-        none = 0.0, "none" if self._influences else "..."
-        gains = {
-            name: (influence.rise, influence.change) for name, influence in self._influences.items()
-        }
-        return {name: gains.get(name, none) for name in self.desk.numbers}
+        influences = self._influences
+        without = "none" if influences else "..."
+        gains = {}
+        for name in self.desk.numbers:
+            influence = influences.get(name)
+            if influence is None:
+                gains[name] = (0.0, without)
+            else:
+                gains[name] = (influence.rise, influence.change)
+        return gains
 
     def _by_gain(self) -> list[str]:
         """The numbers, that with the largest gain first; empty while gains are computed."""
@@ -475,7 +494,14 @@ class Page:
         return pd.DataFrame(rows)
 
 
+def _bullets(texts: list[str], opening: str = "") -> str:
+    """A list in Markdown, each text as it is behind an opening."""
+    return "\n".join(f"- {opening}{as_it_is(text)}" for text in texts)
+
+
 def _in_time(document: Any, call) -> None:
-    """Call when the page of a document has time, if it is still open."""
-    if document.session_context is not None and not document.session_context.destroyed:
+    """Call when the page of a document has time, if it is still open; at once without a document."""
+    if document is None:
+        call()
+    elif document.session_context is not None and not document.session_context.destroyed:
         document.add_next_tick_callback(call)

@@ -45,10 +45,10 @@ def grid(*parts: Any) -> Any:
 
 def sides(**areas: tuple) -> Any:
     """The parts of the page in the areas "head", "first", "numbers" and "rest"."""
-    cards = [
-        pn.Column(*parts, styles={"grid-area": name}, stylesheets=[_CARD], **WIDE)
-        for name, parts in areas.items()
-    ]
+    cards = []
+    for name, parts in areas.items():
+        place = {"grid-area": name}
+        cards.append(pn.Column(*parts, styles=place, stylesheets=[_CARD], **WIDE))
     return pn.Column(*cards, stylesheets=[_SIDES], **WIDE)
 
 

@@ -32,20 +32,23 @@ class Pictures:
         self.desk = desk
         self.angle = np.deg2rad(60.0)
         self.sources: dict[str, ColumnDataSource] = {}
-        drawn = _drawn(desk.view, desk.system)
-        self._plots = {title: self._figure(title, *axes, p) for title, (*axes, p) in drawn.items()}
+        self._plots: dict[str, Any] = {}
+        for title, (x, y, parts) in _drawn(desk.view, desk.system).items():
+            self._plots[title] = self._figure(title, x, y, parts)
         self._sizes: dict[str, np.ndarray] = {}
         self.figures = list(self._plots.values())
-        self.outlines = {
-            name: ColumnDataSource({"x": [], "y": []}) for name in desk.front_view(self.angle)
-        }
+        self.outlines: dict[str, ColumnDataSource] = {}
+        for name in desk.front_view(self.angle):
+            self.outlines[name] = ColumnDataSource({"x": [], "y": []})
         if self.outlines:
             self.figures.append(self._mechanism())
 
     def _figure(self, title: str, x: str, y: str, parts: dict[str, dict[str, Any]]) -> Any:
         """A picture with the labels of its axes, of curves or of the bars of the name ""."""
         bars = parts.get("")
-        rows = {} if bars is None else {"y_range": FactorRange(*reversed(bars["y"]))}
+        rows = {}
+        if bars is not None:
+            rows["y_range"] = FactorRange(*reversed(bars["y"]))
         plot: Any = figure(
             title=Title(text=title, text_color=INK), x_axis_label=x, y_axis_label=y, height=260,
             tools="pan,wheel_zoom,reset", toolbar_location="above", **rows, **WIDE,
@@ -69,10 +72,16 @@ class Pictures:
         """A curve, or the bars of the name ""; what is pinned is grey."""
         # a joint has one colour in all pictures
         forces = list(self.desk.view.forces)
-        place = forces.index(name) if name in forces else 0
-        paint = _PINNED if pinned else colour(name or "crank_pin", place)
+        place = 0
+        if name in forces:
+            place = forces.index(name)
+        paint = _PINNED
+        if not pinned:
+            paint = colour(name or "crank_pin", place)
         if name:
-            label = {"legend_label": words(name)} if among_others and not pinned else {}
+            label = {}
+            if among_others and not pinned:
+                label["legend_label"] = words(name)
             plot.line("x", "y", source=source, color=paint, line_width=2, **label)
         else:
             height = 0.8 if pinned else 0.5
@@ -187,6 +196,7 @@ def _drawn(view: View, system: str) -> dict[str, tuple[str, str, dict[str, dict[
     ):
         if sizes:
             factor, unit = axes[kind]
-            bars = {"y": list(sizes), "right": [factor * float(size) for size in sizes.values()]}
+            lengths = [factor * float(size) for size in sizes.values()]
+            bars = {"y": list(sizes), "right": lengths}
             out[title] = unit, "", {"": bars}
     return out

@@ -95,7 +95,8 @@ class Slider:
     def _other_ends(self, _) -> None:
         if self._following:
             return
-        low, high = (end.value for end in self.ends)
+        low = self.ends[0].value
+        high = self.ends[1].value
         bound = self.page.desk.numbers[self.name].bound
         numbers = None not in (low, high)
         if not numbers or not (

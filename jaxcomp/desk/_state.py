@@ -122,9 +122,7 @@ class Desk:
         self.machine = scene.machine
         self.options = options or AnalysisOptions()
         self.quantities = available_quantities(self.machine, members=True)
-        self.quantity = quantity or next(
-            name for name in (*_FIRST, *self.quantities) if name in self.quantities
-        )
+        self.quantity = quantity or _usual_quantity(self.quantities)
         if self.quantity not in self.quantities:
             raise BadInput("quantity", self.quantity, f"one of {', '.join(self.quantities)}")
         available = available_quantities(self.machine).values()
@@ -272,7 +270,10 @@ class Desk:
             unusual = implausible_values(self.changed_scene())
         except SceneError:  # which the status names
             return []
-        return [f"{value.path}: {value.what}, usual is {value.usual}" for value in unusual]
+        warnings = []
+        for value in unusual:
+            warnings.append(f"{value.path}: {value.what}, usual is {value.usual}")
+        return warnings
 
     def improve(self, ranges: Mapping[str, tuple[float, float]], callback=None) -> str:
         """Make the chosen quantity as good as it can be within ranges, from the present state on.
@@ -310,7 +311,9 @@ class Desk:
         scale = {}
         scaled = {}
         for number, ends in ranges.items():
-            scale[number] = began[number] if list_length(machine, number) else 1.0
+            scale[number] = 1.0
+            if list_length(machine, number):
+                scale[number] = began[number]
             scaled[number] = tuple(sorted(end / scale[number] for end in ends))
         design_problem = problem(machine, scaled, [name], self.options)
         best = optimise(design_problem, starts=2, samples=_SAMPLES, callback=callback)
@@ -343,13 +346,18 @@ class Desk:
         words = f"{look.text(found.objective)} ({found.status})"
         if not moved:
             return words
-        stayed = ", ".join(self.label(name) for name in moved if name not in found.values)
-        changed = ", ".join(self.label(name) for name in moved if name in found.values)
+        stayed = []
+        changed = []
+        for name in moved:
+            if name in found.values:
+                changed.append(self.label(name))
+            else:
+                stayed.append(self.label(name))
         words += " for the machine as it was when the search began"
         if stayed:
-            words += f"; {stayed}: as moved since, so search again"
+            words += f"; {', '.join(stayed)}: as moved since, so search again"
         if changed:
-            words += f"; {changed}: as found, no longer as moved since (Undo goes back)"
+            words += f"; {', '.join(changed)}: as found, no longer as moved since (Undo goes back)"
         return words
 
     def _check(self, number: GivenNumber, value: float, text: str) -> None:
@@ -370,7 +378,17 @@ class Desk:
             self.changed_scene()
         except SceneError as error:  # which names the value and its bound
             return view._replace(status=str(error))
-        return view._replace(status="not solved" if status is None else Status[status])
+        if status is None:
+            return view._replace(status="not solved")
+        return view._replace(status=Status[status])
+
+
+def _usual_quantity(quantities: Mapping[str, Quantity]) -> str:
+    """The quantity whose gains a fresh desk shows."""
+    for name in _FIRST:
+        if name in quantities:
+            return name
+    return next(iter(quantities))
 
 
 @kept_jit
@@ -383,7 +401,9 @@ def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: Analysis
     if machine.compressor is not None:
         crank = _of_crank(result)
         status = result.orbit.status
-    vibration = _of_rotor(result) if "balanced_vibration" in values else {}
+    vibration = {}
+    if "balanced_vibration" in values:
+        vibration = _of_rotor(result)
     return View(values, "", vibration=vibration, **crank), status, result.ok
 
 
@@ -400,7 +420,10 @@ def _of_crank(result: DesignResult) -> dict[str, Any]:
     forces = {}
     for name, force in turn.loads.forces.items():
         # a moment is a single row, a force has two components
-        forces[name] = jnp.abs(force) if force.ndim == 1 else jnp.hypot(*force)
+        if force.ndim == 1:
+            forces[name] = jnp.abs(force)
+        else:
+            forces[name] = jnp.hypot(*force)
     lift_angle = None
     lifts = {}
     uses = {}
@@ -410,9 +433,9 @@ def _of_crank(result: DesignResult) -> dict[str, Any]:
             first = jax.tree.map(lambda x: x[0], cycle.each)
         lift_angle = first.angle
         lifts = dict(zip(("suction", "discharge"), first.lift, strict=True))
-        uses = {
-            name: power for name, power in result.performance.power.items() if jnp.ndim(power) == 0
-        }
+        for name, power in result.performance.power.items():
+            if jnp.ndim(power) == 0:
+                uses[name] = power
     return {
         "angle": turn.state.angle,
         "volume": volume,
@@ -433,8 +456,8 @@ def _of_rotor(result: DesignResult) -> dict[str, Float[Array, "2"]]:
     after = influence.vibration(least_squares(influence).correction)
     square = jnp.abs(jnp.stack([influence.initial, after])) ** 2
     targets = np.array([row.target for row in influence.rows])
-    # several rows of a target are its axes
-    return {
-        target: jnp.sqrt(square[:, targets == target].mean(-1))
-        for target in dict.fromkeys(targets.tolist())
-    }
+    amplitudes = {}
+    for target in dict.fromkeys(targets.tolist()):
+        # several rows of a target are its axes
+        amplitudes[target] = jnp.sqrt(square[:, targets == target].mean(-1))
+    return amplitudes

@@ -80,4 +80,6 @@ class AbstractDrag(Part):
 def direction(rate, transition_rate):
     # a running shaft never changes the sign; through rest the jump would make it chatter about zero
     # instead of coming to a halt
-    return jnp.sign(rate) if transition_rate is None else jnp.tanh(rate / transition_rate)
+    if transition_rate is None:
+        return jnp.sign(rate)
+    return jnp.tanh(rate / transition_rate)

@@ -170,7 +170,9 @@ def relative(excess, size):
 
 def closed(loop: AbstractJointLoop) -> Float[Array, "*n"]:
     """The unknown that closes a joint loop; derivatives of any order by the implicit function theorem."""
-    return root(loop) if loop.coupled else loop.start()
+    if loop.coupled:
+        return root(loop)
+    return loop.start()
 
 
 @singledispatch
@@ -222,7 +224,9 @@ def journal_moment(law, force: Vector, rate: Float[Array, "*n"]):
     # centre
     if isinstance(law, PlacedJournal):
         return law.bush_moment(force.stacked(), rate)
-    return None if law is None else law.moment(magnitude(*force), rate)
+    if law is None:
+        return None
+    return law.moment(magnitude(*force), rate)
 
 
 def journal_loss(law, moment, share, force: Vector, speed: Float[Array, "*n"]):

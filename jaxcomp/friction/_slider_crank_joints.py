@@ -81,10 +81,14 @@ class SliderCrankLoop(AbstractJointLoop):
     def _wall(self, side):
         """Friction of the wall along x, against the motion [N]; and its sum with the film's drag."""
         if self.friction.wall is None:
-            return jnp.zeros_like(side) if self.film is None else self.film
+            if self.film is None:
+                return jnp.zeros_like(side)
+            return self.film
         # the piston rubs on either side of its bore alike: N has a sign, the load of the law has none
         dry = self.friction.wall.force(jnp.abs(side), self.slide_speed)
-        return dry if self.film is None else dry + self.film
+        if self.film is None:
+            return dry
+        return dry + self.film
 
     def _pins(self, side, wall):
         """Forces of the pins, with their moments [N m] on the rod (`None` without a law)."""
@@ -159,7 +163,9 @@ class SliderCrankLoop(AbstractJointLoop):
             dry = wall if self.film is None else wall - self.film
             loss["wall"] = dry * rod.position_1
         if self.film is not None and friction.piston_film is not None:
-            film = self.film if self.packing is None else self.film - self.packing
+            film = self.film
+            if self.packing is not None:
+                film = film - self.packing
             loss["piston_film"] = film * rod.position_1
         if self.packing is not None:
             loss["packing"] = self.packing * rod.position_1
@@ -207,11 +213,16 @@ class SliderCrankLoop(AbstractJointLoop):
 def _slider_crank_loop(
     mechanism: SliderCrank, friction, state: CrankState, gas_force, gravity=None, kinematics=None
 ) -> SliderCrankLoop:
-    friction = SliderCrankFriction() if friction is None else friction
-    rod = rod_motion(mechanism, state.angle) if kinematics is None else kinematics
+    if friction is None:
+        friction = SliderCrankFriction()
+    rod = kinematics
+    if rod is None:
+        rod = rod_motion(mechanism, state.angle)
     slide_speed = rod.position_1 * state.speed
     law = friction.piston_film
-    film = None if law is None else law.force(mechanism.bore, law.length, slide_speed)
+    film = None
+    if law is not None:
+        film = law.force(mechanism.bore, law.length, slide_speed)
     packing = None
     if friction.packing is not None:
         # like the film's, this drag does not depend on the side force: it takes no part in the loop

@@ -104,7 +104,9 @@ class SliderLinkLoop(AbstractJointLoop):
 
     @property
     def _slider_diameter(self):
-        return jnp.zeros(()) if self._balanced else self.mechanism.slider_diameter
+        if self._balanced:
+            return jnp.zeros(())
+        return self.mechanism.slider_diameter
 
     def _piston_loads(self) -> PistonLoads:
         mechanism = self.mechanism
@@ -244,12 +246,15 @@ class SliderLinkLoop(AbstractJointLoop):
 def _slider_link_loop(
     mechanism: SliderLink, friction, state: CrankState, gas_force, gravity=None, kinematics=None
 ) -> SliderLinkLoop:
-    friction = SliderLinkFriction() if friction is None else friction
+    if friction is None:
+        friction = SliderLinkFriction()
     if not isinstance(friction, SliderLinkFriction):
         raise TypeError(
             f"A slider-link mechanism needs `SliderLinkFriction`, not {type(friction).__name__}."
         )
-    motion = mechanism.kinematics(state.angle) if kinematics is None else kinematics
+    motion = kinematics
+    if motion is None:
+        motion = mechanism.kinematics(state.angle)
     arms = contact_arms(mechanism, state.angle)
     pin_x, pin_y = motion.crank_acceleration(state)
     pin_x = mechanism.crank_radius * pin_x
@@ -283,4 +288,6 @@ def _slider_link_loop(
 
 def _coefficient(law, speed):
     """[-] with the sign of the sliding speed: the law is proportional to the load."""
-    return jnp.zeros_like(speed) if law is None else law.force(jnp.ones_like(speed), speed)
+    if law is None:
+        return jnp.zeros_like(speed)
+    return law.force(jnp.ones_like(speed), speed)

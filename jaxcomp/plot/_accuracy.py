@@ -40,8 +40,12 @@ def work_precision_diagram(report: Report, error: float | None = None) -> Figure
     figure, ax = style.single((7.4, 4.8), title)
 
     def draw(rows, **look):
-        times = [row.seconds * 1e3 for row in rows]
-        ax.loglog(times, [report.claimed(row) for row in rows], **look)
+        times = []
+        errors = []
+        for row in rows:
+            times.append(row.seconds * 1e3)
+            errors.append(report.claimed(row))
+        ax.loglog(times, errors, **look)
 
     for place, method in enumerate(report.methods):
         look = _look(place)
@@ -78,15 +82,18 @@ def extreme_errors(extremes: Extremes) -> Figure:
     size = (8.6, 1.4 + 0.24 * len(cases))
     figure, ax = style.single(size, f"{extremes.scene}: errors at its extremes")
     families = list(dict.fromkeys(case.family for case in cases))
+    labels = [f"{case.family}, {case.setting}" for case in cases]
     place = np.arange(len(cases))[::-1]
     for number, case in zip(place, cases, strict=True):
         tint = _look(families.index(case.family))["color"]
-        marks = {"o": case.error, "|": case.speed_error} if case.good else {"x": 1e-16}
+        marks = {"x": 1e-16}
+        if case.good:
+            marks = {"o": case.error, "|": case.speed_error}
         for mark, error in marks.items():
             if error is not None:
                 size = 7 if mark == "x" else 6
                 ax.semilogx(max(error, 1e-16), number, mark, color=tint, markersize=size)
-    ax.set_yticks(place, [f"{case.family}, {case.setting}" for case in cases])
+    ax.set_yticks(place, labels)
     ax.set_xlabel("Relative error (bars: of the speed; crosses: no value, named in the table)")
     return figure
 

@@ -79,7 +79,8 @@ def _largest_force(sketches: list[Sketch]) -> float:
     """[N] The largest of all arrows."""
     sizes = []
     for picture in sketches:
-        sizes += [float(np.hypot(*arrow.force)) for arrow in picture.arrows.values()]
+        for arrow in picture.arrows.values():
+            sizes.append(float(np.hypot(*arrow.force)))
     return max(sizes)
 
 
@@ -126,14 +127,19 @@ def mechanism_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
         (drawn[name],) = above.plot(*line, **line_look(name))
     tips = {}
     for place, name in enumerate(sketches[0].arrows):
-        tint = _GAS_TINT if name == "gas" else style.colour(name, place)
+        tint = style.colour(name, place)
+        if name == "gas":
+            tint = _GAS_TINT
         tips[name] = _arrow(above, tint, 2.2)
     _limits(above, sketches, reach)
     caption = above.text(
         0.0, 1.0, "", transform=above.transAxes, fontsize=9, color=style.INK, va="top"
     )
     forces = forces_over(compressor, turn)
-    sizes = {name: look.factor * np.hypot(*forces[name]) for name in tips if name in forces}
+    sizes = {}
+    for name in tips:
+        if name in forces:
+            sizes[name] = look.factor * np.hypot(*forces[name])
     gas = {"gas": {"color": _GAS_TINT}}
     style.turn_curves(below, turn.state.angle, sizes, f"Force, {look.unit}", zero=False, looks=gas)
     below.set_ylim(0, None)
@@ -192,7 +198,10 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     names, places = _main_bearings(compressor)
     at = np.asarray(turn.state.angle)
     forces = turn.loads.forces
-    loads = {name: -np.asarray(forces[name]) for name in names if name in forces}
+    loads = {}
+    for name in names:
+        if name in forces:
+            loads[name] = -np.asarray(forces[name])
     largest = max(float(np.hypot(*load).max()) for load in loads.values())
     figure, (front, side) = style.abreast(2, (9.6, 5.2), "Front and side")
     parts: list[Any] = [of_cylinder(compressor.mechanism, k + 1) for k in range(cylinders.count)]
@@ -202,7 +211,10 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     lines = []
     for k in range(cylinders.count):
         look = {"color": style.tint(k), "solid_capstyle": "round"}
-        lines.append([ax.plot([], [], linewidth=wide, **look)[0] for ax, wide in views])
+        of_one_cylinder = []
+        for ax, wide in views:
+            of_one_cylinder += ax.plot([], [], linewidth=wide, **look)
+        lines.append(of_one_cylinder)
     style.note(figure, axes_words(cylinders.bank_angle))
     span = (-1.05 * reach, 1.05 * reach)
     front.set(xlim=span, ylim=span, aspect="equal", xlabel="y, m", ylabel="x, m")
@@ -220,11 +232,7 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     tips = [_arrow(front, style.INK, 1.6) for _ in loads]
     caption = front.text(0.0, 1.01, "", transform=front.transAxes, fontsize=8.5, color=style.INK)
     radius = float(parts[0].crank_radius)
-    unbalances = np.array([float(u) for u in cylinders.unbalances(parts[0])])
-    heavy = radius * np.sign(unbalances)[unbalances != 0]
-    rows = [throw for throw, u in zip(cylinders.rows, unbalances, strict=True) if u]
-    throws = np.array([float(row.angle) for row in rows])
-    stands = np.array([float(row.position) for row in rows])
+    throws, stands, heavy = _counterweights(cylinders, parts[0])
 
     def show(frame: int) -> None:
         angle = angles[frame % frames]
@@ -262,8 +270,24 @@ def _main_bearings(compressor: Compressor) -> tuple[tuple[str, ...], np.ndarray]
     support = compressor.crankshaft.main_journal
     if not isinstance(support, MainBearings):
         return ("main_journal",), np.zeros(1)
-    places = np.zeros(1) if support.position is None else np.asarray(support.position)
+    places = np.zeros(1)
+    if support.position is not None:
+        places = np.asarray(support.position)
     return support.names or (), places
+
+
+def _counterweights(cylinders: Crankshaft, mechanism: SliderCrank):
+    """Angles [rad] of the throws with counterweights, their places [m], and where these hang [m]."""
+    radius = float(mechanism.crank_radius)
+    throws = []
+    stands = []
+    heavy = []
+    for throw, unbalance in zip(cylinders.rows, cylinders.unbalances(mechanism), strict=True):
+        if float(unbalance):
+            throws.append(float(throw.angle))
+            stands.append(float(throw.position))
+            heavy.append(radius * np.sign(float(unbalance)))
+    return np.array(throws), np.array(stands), np.array(heavy)
 
 
 def _draw(cylinders: Crankshaft, number: int, single: SliderCrank, angle: float, drawn) -> None:

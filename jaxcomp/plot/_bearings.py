@@ -39,13 +39,16 @@ def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     with several cylinders every crank pin, in the axes of its cylinder, and every main bearing.
     """
     turn = fine_turn(compressor, orbit)
-    loads = _loads(compressor, {k: np.asarray(v) for k, v in turn.loads.forces.items()})
+    forces = {name: np.asarray(force) for name, force in turn.loads.forces.items()}
+    loads = _loads(compressor, forces)
     look = shown("load", "N", np.hypot(*np.stack(list(loads.values()), axis=1)))
     figure, axes = style.new_polar_figure(-(-len(loads) // 2), 2, f"Bearing loads, {look.unit}")
     several = compressor.crankshaft.count > 1
-    axes_note = "x and y of the machine for its bearings. " if several else ""
-    dots = "Dots: every 45° of crank angle from top dead centre."
-    style.note(figure, f"{dots} {axes_note}Across: turned with the rotation from the head.")
+    remarks = ["Dots: every 45° of crank angle from top dead centre."]
+    if several:
+        remarks.append("x and y of the machine for its bearings.")
+    remarks.append("Across: turned with the rotation from the head.")
+    style.note(figure, " ".join(remarks))
     degrees = np.rad2deg(np.asarray(turn.state.angle))
     drawn = zip(style.used(axes, len(loads)), loads.items(), strict=True)
     for place, (ax, (name, load)) in enumerate(drawn):
@@ -69,8 +72,11 @@ def _loads(compressor, forces):
     """Loads on the bushes; the joints report the forces of the bearings on the shaft instead."""
     shaft = compressor.crankshaft
     # in their own order: what a compiled program returns is sorted by name
-    pins = [shaft.joint("crank_pin", k + 1) for k in range(shaft.count)]
-    on_pins = {name: forces[name] for name in pins if name in forces}
+    on_pins = {}
+    for k in range(shaft.count):
+        pin = shaft.joint("crank_pin", k + 1)
+        if pin in forces:
+            on_pins[pin] = forces[pin]
     on_shaft = {name: -forces[name] for name in bearing_names(shaft)}
     if isinstance(compressor.mechanism, SliderLink) and len(on_shaft) > 1:
         on_shaft["support"] = sum(on_shaft.values())
@@ -204,9 +210,9 @@ def loaded_film(journal: LoadedJournal) -> Figure:
     axes[1].plot(degrees, 1e6 * film.thickness, color=style.tint(0))
     least = np.rad2deg(journal.minimum_film_angle), 1e6 * film.minimum_film
     axes[1].plot(*least, "o", color=style.tint(1), markersize=4)
-    late = least[0] > degrees.mean()
+    alignment = "right" if least[0] > degrees.mean() else "left"
     axes[1].annotate(f"{least[1]:.3g} µm at {least[0]:.1f}°", least, xytext=(0, 6), fontsize=8,
-                     textcoords="offset points", ha="right" if late else "left")  # fmt: skip
+                     textcoords="offset points", ha=alignment)  # fmt: skip
     axes[2].plot(degrees, film.pressure / 1e6, color=style.tint(0))
     labels = (f"Load, {look.unit}", "Smallest film, µm", "Largest pressure, MPa")
     for ax, label in zip(axes, labels, strict=True):
@@ -310,7 +316,8 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     middle = field.pressure[:, 0] / 1e6
     label = f"Pressure, peak {peak:.4g} MPa"
     below.plot(angle, middle, color="#0072B2", linewidth=1.7, label=label)
-    below.set(ylim=(0, None if peak > 0 else 1), ylabel="Pressure in the mid-plane, MPa",
+    top = None if peak > 0 else 1
+    below.set(ylim=(0, top), ylabel="Pressure in the mid-plane, MPa",
               xlabel="Angle from the load on the journal, with rotation, degrees")  # fmt: skip
     other = below.twinx()
     other.spines[["top"]].set_visible(False)

@@ -97,8 +97,10 @@ def rod_loads(sheet: ProcessSheet) -> Figure:
             "inertia": look.factor * sheet.inertia[number],
             "combined": look.factor * sheet.combined[number],
         }
-        several = f" of throw {number + 1}" if count > 1 else ""
-        label = f"Tension{several}, {look.unit}"
+        tension = "Tension"
+        if count > 1:
+            tension += f" of throw {number + 1}"
+        label = f"{tension}, {look.unit}"
         style.turn_curves(ax, sheet.crank_angle, curves, label, angle_label=number + 1 == count)
     style.note(figure, "Tension counts positive; friction and weights have no part.")
     style.legend_above(axes[0])
@@ -139,7 +141,9 @@ def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     ax.set(xlim=(0, None), ylim=(0, None), ylabel="Pressure, MPa")
     ax.set_xlabel("Displaced volume (clearance not counted), cm³")
     count = compressor.crankshaft.count
-    of_all = "" if count == 1 else f" of {count} cylinders"
+    of_all = ""
+    if count != 1:
+        of_all = f" of {count} cylinders"
     work = f"Work on the gas{of_all}\n{float(orbit.energy.gas_work):.4g} J per revolution"
     place = style.free_place(ax, (0.5, 0.45))
     look = {"ha": "center", "va": "center", "fontsize": 9, "color": style.INK}
@@ -182,7 +186,11 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
             walls[name] = force[1]
         else:
             sizes[name] = np.hypot(*force)
-    rows, height = (2, 5.6) if walls else (1, 3.6)
+    rows = 1
+    height = 3.6
+    if walls:
+        rows = 2
+        height = 5.6
     figure, axes = style.stacked(rows, (7.2, height), "Joint forces over one revolution")
     angle = turn.state.angle
     ax = axes[0]
@@ -208,10 +216,11 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     torque that each joint takes from the crank.
     """
     turn = fine_turn(compressor, orbit)
-    curves = _friction_of_slider_crank(compressor, turn) or {
-        name: (torque, "Torque on the crank, N m")
-        for name, torque in turn.loads.loss_torque.items()
-    }
+    curves = _friction_of_slider_crank(compressor, turn)
+    if not curves:
+        curves = {}
+        for name, torque in turn.loads.loss_torque.items():
+            curves[name] = (torque, "Torque on the crank, N m")
     rows, columns = style.grid_of(len(curves), 2)
     size = (4.0 * columns + 0.4, 2.5 * rows + 0.5)
     figure, axes = style.new_figure(rows, columns, size, "Friction of the joints")
@@ -268,7 +277,10 @@ def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     if isinstance(mechanism, SliderCrank):
         torques |= {"piston": -piston, "rod": -(moving - piston)}
         plural = "" if compressor.crankshaft.count == 1 else "s"
-        looks = {name: {"label": f"Inertia of the {name}{plural}"} for name in ("piston", "rod")}
+        looks = {
+            "piston": {"label": f"Inertia of the piston{plural}"},
+            "rod": {"label": f"Inertia of the rod{plural}"},
+        }
     else:
         torques["piston"] = -moving
         looks = {"piston": {"label": "Inertia of the moving parts"}}
@@ -284,8 +296,9 @@ def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     """Torque of the gas of each cylinder on the crank, and their sum with the weights."""
     turn = fine_turn(compressor, orbit)
     at = instants(orbit.under_gas(compressor), turn.state.angle)
-    each = enumerate(-at.gas_force * at.kinematics.position_1, 1)
-    torques = {"gas": turn.gas_torque} | {f"cylinder_{k}": torque for k, torque in each}
+    torques = {"gas": turn.gas_torque}
+    for number, torque in enumerate(-at.gas_force * at.kinematics.position_1, 1):
+        torques[f"cylinder_{number}"] = torque
     figure, ax = style.single((7.2, 4.2), "Gas torque of each cylinder")
     looks = {"gas": {"label": "Sum", "linewidth": 2.0, "zorder": 2.1}}
     style.turn_curves(ax, turn.state.angle, torques, _TORQUE, looks=looks, linewidth=1.0)
@@ -309,7 +322,9 @@ def loss_shares(orbit: Orbit) -> Figure:
     bars = ax.barh(range(len(losses)), list(losses.values()), color=tints, height=0.62)
     labels = []
     for loss in losses.values():
-        share = 100 * loss / total if total else 0.0
+        share = 0.0
+        if total:
+            share = 100 * loss / total
         powers = f"{style.plain_number(loss)} J   {style.plain_number(loss / period)} W"
         labels.append(f"{powers}   {share:.1f} %")
     ax.bar_label(bars, labels, padding=4, fontsize=8.5, color=style.INK)
@@ -386,7 +401,7 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     rows = (
         ("Torque, N m", {"All cylinders": torque[0], "The first": torque[1]}),
         ("Shaking force, N", {"Forward": ahead, "Backward": behind}),
-        ("Moment, N m", {f"About {name}": row for name, row in zip("xyz", moment, strict=True)}),
+        ("Moment, N m", {"About x": moment[0], "About y": moment[1], "About z": moment[2]}),
     )
     figure, axes = style.stacked(3, (7.2, 7.4), "Orders of the revolution")
     for ax, (label, bars) in zip(axes, rows, strict=True):

@@ -49,9 +49,10 @@ def valve_losses(cycle: Cycle) -> Figure:
     losses = cycle.work_losses
     volume, pressure, lifts = _fine_diagram(cycle)
     figure, ax = style.single((6.8, 4.4), "Indicator diagram and losses of the valves")
-    ax.plot(
-        *(np.append(curve, curve[0]) for curve in (volume, pressure)), color=_GAS, linewidth=1.6
-    )
+    # the first point once more, which closes the diagram
+    closed_volume = np.append(volume, volume[0])
+    closed_pressure = np.append(pressure, pressure[0])
+    ax.plot(closed_volume, closed_pressure, color=_GAS, linewidth=1.6)
     lines = (
         ("suction", case.suction.p, _SUCTION, 1),
         ("discharge", case.discharge.p, _DISCHARGE, -1),
@@ -78,7 +79,7 @@ def _fine_diagram(cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     nodes = (cycle.angle + jnp.pi) % (2 * jnp.pi) - jnp.pi
     angle = jnp.sort(jnp.concatenate([even, nodes]))
     volume, _ = jax.vmap(cycle.case.volume)(angle)
-    lifts = np.stack([cycle.lift_at(angle, discharge) for discharge in (False, True)])
+    lifts = np.stack([cycle.lift_at(angle, False), cycle.lift_at(angle, True)])
     # within the rounding of its polynomials a plate that is shut lifts nothing
     lifts[lifts < 1e-9 * lifts.max(initial=0.0)] = 0.0
     return np.asarray(volume) * 1e6, np.asarray(cycle.pressure_at(angle)) / 1e6, lifts

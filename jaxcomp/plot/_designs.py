@@ -73,7 +73,10 @@ def _compared_family(comparison: Comparison, family: str, title: str, label: str
         texts = []
         for powers in members.values():
             power = powers[place]
-            texts.append("" if power is None else f"{style.plain_number(power)} W")
+            text = ""
+            if power is not None:
+                text = f"{style.plain_number(power)} W"
+            texts.append(text)
         ax.bar_label(bars, texts, padding=4, fontsize=8, color=style.INK)
     style.named_rows(ax, list(map(style.words, members)))
     low = values.min(initial=0.0)
@@ -114,13 +117,16 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
     words = shown(name, "", 0.0).words.lower()
     size = (7.6, 1.4 + 0.28 * max(len(ranked), 2))
     figure, ax = style.single(size, f"{title}: what {words} depends on most")
-    values = np.array([influence.elasticity for influence in ranked])
+    elasticities = []
+    labels = []
+    for influence in ranked:
+        elasticities.append(influence.elasticity)
+        labels.append(f"{influence.part}, {influence.value}")
+    values = np.array(elasticities)
     tints = np.where(values > 0, _LOW, _HIGH).tolist()
     bars = ax.barh(range(len(ranked)), values, 0.7, color=tints)
     ax.bar_label(bars, fmt="{:+.3g}", padding=4, fontsize=8, color=style.INK)
-    style.named_rows(
-        ax, [f"{influence.part}, {influence.value}" for influence in ranked], fontsize=8.5
-    )
+    style.named_rows(ax, labels, fontsize=8.5)
     ax.margins(x=0.16)
     ax.axvline(0, color=style.INK, linewidth=0.9)
     ax.set_xlabel(f"Change of {words} in % for a rise of the number by 1 %")
@@ -198,7 +204,11 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
         text = f"limit {look.text(row.limit.bound)}"
         ax.axvline(at, color=_LIMIT, linewidth=1.3)
         # beside the line on the side of what breaks it, where the samples are few
-        side, shift = ("left", 4) if row.limit.above and at < high else ("right", -4)
+        side = "right"
+        shift = -4
+        if row.limit.above and at < high:
+            side = "left"
+            shift = 4
         ax.annotate(f"{text}: {100 * row.sampled:.3g} % break it", (np.clip(at, low, high), 0.6 * top),
                     (shift, 0), fontsize=8, color=_LIMIT, textcoords="offset points", rotation=90,
                     va="center", ha=side)  # fmt: skip
@@ -221,7 +231,14 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
     place = found.names.index(name)
     look = found.shown(name).drawn
     ranked = found.ranking(name)[:_ROWS]
-    rows = [found.variables.index(variable) for variable, _ in ranked]
+    rows = []
+    labels = []
+    shares = []
+    for number, (variable, share) in enumerate(ranked):
+        rows.append(found.variables.index(variable))
+        labels.append(found.label(variable))
+        shares.append((number, "center", f"{100 * share:.1f} %"))
+    shares.append((-0.62, "bottom", "of variance"))
     size = (7.6, 1.6 + 0.36 * len(rows))
     title = f"{title}: what changes {_small(look)}"
     figure, ax = style.single(size, title)
@@ -232,12 +249,10 @@ def tornado(found: Tolerances, name: str, title: str) -> Figure:
         ax.barh(at, reach[side], 0.36, left=mean, color=tint, label=f"at the {word} limit")
     low, high = ax.get_xlim()
     ax.set_xlim(low, high + 0.16 * (high - low))
-    shares = [(row, "center", f"{100 * share:.1f} %") for row, (_, share) in enumerate(ranked)]
-    for row, alignment, text in [*shares, (-0.62, "bottom", "of variance")]:
+    for row, alignment, text in shares:
         ax.annotate(text, (1.0, row), xycoords=("axes fraction", "data"), fontsize=8, ha="right",
                     va=alignment, color=style.INK)  # fmt: skip
     ax.axvline(mean, color=style.INK, linewidth=0.9)
-    labels = [found.label(variable) for variable, _ in ranked]
     ax.set_yticks(range(len(rows)), labels, fontsize=8.5)
     style.note(figure, f"Line: {_small(look)} of the mean machine.")
     ax.grid(False, axis="y")

@@ -62,9 +62,10 @@ def fine_turn(
     motor = jnp.interp(angle, nodes, orbit.motor_torque, period=2 * jnp.pi)
     journals = None
     if orbit.positions is not None:
-        places = jnp.stack(
-            [orbit.positions[journal.joint] for journal in orbiting_journals(compressor)], axis=1
-        )
+        positions = []
+        for journal in orbiting_journals(compressor):
+            positions.append(orbit.positions[journal.joint])
+        places = jnp.stack(positions, axis=1)
         at = partial(jnp.interp, angle, nodes, period=2 * jnp.pi)
         flat = jax.vmap(lambda row: at(row))(places.reshape(-1, nodes.size))
         journals = flat.reshape(*places.shape[:2], -1)
@@ -76,8 +77,11 @@ def fine_turn(
     over_angles = jax.vmap(evaluated, (0, 0, 0, journal_axis))
     rise, gas_torque, loads = over_angles(angle, speed, motor, journals)
     # mapped over angles, forces come out as (n, 2); figures want them as orbits have them
-    loads = eqx.tree_at(lambda x: x.forces, loads, {k: f.T for k, f in loads.forces.items()})
-    pressure = None if compressor.gas is None else cylinder_pressure(compressor, angle)
+    forces = {name: force.T for name, force in loads.forces.items()}
+    loads = eqx.tree_at(lambda x: x.forces, loads, forces)
+    pressure = None
+    if compressor.gas is not None:
+        pressure = cylinder_pressure(compressor, angle)
     return FineTurn(
         state=CrankState(angle, speed, rise),
         pressure=pressure,

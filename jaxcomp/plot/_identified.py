@@ -123,7 +123,9 @@ def _trace(identification: Identification, name: str, quantity: str) -> Figure:
         at = np.flatnonzero(points == point)
         at = at[np.argsort(angle[at])]
         tint = style.tint(number)
-        which = f", {number + 1}" if np.ptp(points) else ""
+        which = ""
+        if np.ptp(points):
+            which = f", {number + 1}"
         ax.plot(angle[at], measured[at], ".", color=tint, markersize=4, label=f"measured{which}")
         ax.plot(angle[at], computed[at], color=tint, linewidth=1.2, label=f"computed{which}")
         off.plot(angle[at], residual[at], ".", color=tint, markersize=3)
@@ -147,7 +149,9 @@ def _map(identification: Identification, name: str, quantity: str) -> Figure:
         on_line = np.all(np.array([at, speed]) == lines.T, axis=1)
         order = np.flatnonzero(on_line)[np.argsort(x[on_line])]
         tint = style.tint(place)
-        label = f"{at:.4g} \N{DEGREE SIGN}C" if place < _FEW else None
+        label = None
+        if place < _FEW:
+            label = f"{at:.4g} \N{DEGREE SIGN}C"
         ax.plot(x[order], computed[order], color=tint, linewidth=1.2, label=label)
         low = computed[order] - half[order]
         high = computed[order] + half[order]
@@ -181,10 +185,7 @@ def _pairs(identification: Identification, name: str) -> Figure:
         line = line + centre[:, None]
         if identification.bounds is not None:
             line = _within(line, np.asarray(identification.bounds)[[i, j]])
-        looks = [
-            shown(identification.parameters[n], identification.units[n], identification.estimate[n])
-            for n in (i, j)
-        ]
+        looks = (_parameter_look(identification, i), _parameter_look(identification, j))
         size = np.array([look.factor for look in looks])
         zero = np.array([look.zero for look in looks])
         shift = centre * size + zero
@@ -214,7 +215,9 @@ def _within(line: np.ndarray, bounds: np.ndarray) -> np.ndarray:
 
     After Sutherland and Hodgman (1974), Reentrant polygon clipping: one side of the box after the other.
     """
-    points = line[:, :-1] if np.array_equal(line[:, 0], line[:, -1]) else line
+    points = line
+    if np.array_equal(line[:, 0], line[:, -1]):
+        points = line[:, :-1]
     for axis, (low, high) in enumerate(bounds):
         for sign, end in ((1.0, low), (-1.0, high)):
             if not np.isfinite(end) or not points.size:
@@ -229,5 +232,7 @@ def _within(line: np.ndarray, bounds: np.ndarray) -> np.ndarray:
                     clipped.append(crossing)
                 if inside[k] >= 0:
                     clipped.append(points[:, k])
-            points = np.array(clipped).T if clipped else np.empty((2, 0))
+            points = np.empty((2, 0))
+            if clipped:
+                points = np.array(clipped).T
     return np.concatenate([points, points[:, :1]], axis=1)

@@ -56,12 +56,7 @@ def interactive(figure: Figure) -> Any:
         ) from None
     FigureCanvasAgg(figure).draw()  # lays the axes out
     width, height = figure.get_size_inches() * _INCH
-    listed: set[str] = set()
-    heading = ""
-    for legend in (*figure.legends, *(ax.get_legend() for ax in figure.axes)):
-        if legend:
-            listed |= {text.get_text() for text in legend.get_texts()}
-            heading = heading or legend.get_title().get_text()
+    listed, heading = _legend_texts(figure)
     room = _LEGEND if listed else 0
     conversion = _Conversion(go.Figure(), listed)
     conversion.figure.update_layout(
@@ -90,6 +85,21 @@ def interactive_page(figures: Mapping[str, Any], title: str) -> str:
     return "\n".join([head, *pieces])
 
 
+def _legend_texts(figure: Figure) -> tuple[set[str], str]:
+    """Labels in all legends of a figure, and the first heading of one."""
+    legends: list[Any] = list(figure.legends)
+    for ax in figure.axes:
+        legends.append(ax.get_legend())
+    labels: set[str] = set()
+    heading = ""
+    for legend in legends:
+        if legend:
+            for text in legend.get_texts():
+                labels.add(text.get_text())
+            heading = heading or legend.get_title().get_text()
+    return labels, heading
+
+
 class _Conversion:
     """The figure of plotly under construction."""
 
@@ -100,8 +110,7 @@ class _Conversion:
 
     def draw(self, ax: Axes, number: int) -> None:
         """One pair of axes with all that is in it."""
-        key = "" if number == 1 else str(number)
-        place = self._polar_axes(ax, key) if ax.name == "polar" else self._plane_axes(ax, key)
+        place = self._new_axes(ax, number)
         if title := ax.get_title(loc="left"):
             box = ax.get_position()
             self.write(title, box.x0, box.y1, _PAPER, 12, yanchor="bottom")
@@ -131,6 +140,13 @@ class _Conversion:
             text=_html(text), x=x, y=y, showarrow=False, **references,
             **{"xanchor": "left", "yanchor": "middle", "font": {"size": size}} | options,
         )  # fmt: skip
+
+    def _new_axes(self, ax: Axes, number: int) -> dict[str, str]:
+        """Lay out a pair of axes; how its traces refer to it."""
+        key = "" if number == 1 else str(number)
+        if ax.name == "polar":
+            return self._polar_axes(ax, key)
+        return self._plane_axes(ax, key)
 
     def _plane_axes(self, ax: Axes, key: str) -> dict[str, str]:
         box = ax.get_position()
@@ -163,6 +179,11 @@ class _Conversion:
         if axis.get_scale() == "log":  # of which plotly has the exponents
             kind = "log"
             limits = np.log10(limits)
+        spine = "bottom"
+        group = ax.get_shared_x_axes()
+        if name[0] == "y":
+            spine = "left"
+            group = ax.get_shared_y_axes()
         lines = axis.get_gridlines()
         labels = axis.get_ticklabels()
         look |= {
@@ -170,13 +191,12 @@ class _Conversion:
             "title": {"text": axis.get_label_text(), "font": {"size": 12}, "standoff": 4},
             "showgrid": bool(lines) and lines[0].get_visible(), "gridcolor": GRID, "zeroline": False,
             "ticks": "outside", "ticklen": 4, "tickfont": {"size": 11}, "linecolor": GREY,
-            "showline": ax.spines["left" if name[0] == "y" else "bottom"].get_visible(),
+            "showline": ax.spines[spine].get_visible(),
             "showticklabels": any(t.get_visible() and t.get_text() for t in labels),
         }  # fmt: skip
         if isinstance(axis.get_major_locator(), _FIXED):
             places, texts = _ticks(axis)
             look |= {"tickvals": places, "ticktext": list(map(_html, texts))}
-        group = ax.get_shared_x_axes() if name[0] == "x" else ax.get_shared_y_axes()
         axis_key = self.axes[ax]
         for other, key in self.axes.items():
             if key != axis_key and group.joined(ax, other):
@@ -196,18 +216,21 @@ class _Conversion:
 
     def _trace(self, ax: Axes, kind: str, label: str, place, x, y, **look) -> None:
         """A trace, in the legend where the picture has it there."""
-        label = "" if label.startswith("_") else label
+        if label.startswith("_"):
+            label = ""
         in_legend = label in self.listed
         self.listed.discard(label)
-        words = [label] if label else []
+        words = []
+        if label:
+            words.append(label)
         if ax.name == "polar":
             kind = f"{kind}polar"
             data = {"theta": np.rad2deg(np.asarray(x)), "r": y}
             words.append("%{r:.5g} at %{theta:.4g}°")
         else:
             data = {"x": x, "y": y}
-            named = (ax.get_xlabel() or "x", "x"), (ax.get_ylabel() or "y", "y")
-            words += [f"{word}: %{{{name}:.5g}}" for word, name in named]
+            words.append(f"{ax.get_xlabel() or 'x'}: %{{x:.5g}}")
+            words.append(f"{ax.get_ylabel() or 'y'}: %{{y:.5g}}")
         self.figure.add_trace(
             {"type": kind, "name": label, "showlegend": in_legend, "legendgroup": label or None,
              "hovertemplate": "<br>".join(words) + "<extra></extra>", **data, **place, **look}
@@ -219,7 +242,9 @@ class _Conversion:
         style = line.get_linestyle()
         look = {"color": tint, "width": line.get_linewidth() * _POINT,
                 "dash": _DASHES.get(style, "solid")}  # fmt: skip
-        x, y = (np.asarray(values, float) for values in line.get_data())
+        abscissas, ordinates = line.get_data()
+        x = np.asarray(abscissas, float)
+        y = np.asarray(ordinates, float)
         if not all(inside):
             self.figure.add_shape(type="line", x0=x[0], x1=x[-1], y0=y[0], y1=y[-1], line=look,
                                   **_references(inside, place))  # fmt: skip
@@ -229,8 +254,12 @@ class _Conversion:
             y = [None]
         sign = line.get_marker()
         hollow = line.get_fillstyle() == "none"
-        symbol = _MARKERS.get(sign, "circle") + ("-open" if hollow else "")
-        size = line.get_markersize() * _POINT * (0.5 if sign == "." else 1.0)
+        symbol = _MARKERS.get(sign, "circle")
+        if hollow:
+            symbol += "-open"
+        size = line.get_markersize() * _POINT
+        if sign == ".":
+            size *= 0.5
         marker = {"color": tint, "size": size, "symbol": symbol,
                   "line": {"color": tint, "width": 1.2 * (hollow or "thin" in symbol)}}  # fmt: skip
         drawn = []
@@ -245,38 +274,57 @@ class _Conversion:
         flat = bars.orientation == "horizontal"
         boxes = [(b.get_x(), b.get_y(), b.get_width(), b.get_height()) for b in bars]
         x0, y0, width, height = np.array(boxes, float).reshape(-1, 4).T
-        base, length, middle, thickness = (
-            (x0, width, y0 + height / 2, height) if flat else (y0, height, x0 + width / 2, width)
-        )
-        axis = ax.yaxis if flat else ax.xaxis
+        if flat:
+            base = x0
+            length = width
+            middle = y0 + height / 2
+            thickness = height
+            axis = ax.yaxis
+            label = ax.get_xlabel() or "value"
+            data = {"x": length, "y": middle, "orientation": "h"}
+        else:
+            base = y0
+            length = height
+            middle = x0 + width / 2
+            thickness = width
+            axis = ax.xaxis
+            label = ax.get_ylabel() or "value"
+            data = {"x": middle, "y": length, "orientation": "v"}
         names = [f"{m:.5g}" for m in middle]
         if isinstance(axis.get_major_locator(), _FIXED):
             places, texts = _ticks(axis)
-            names = [texts[np.argmin(np.abs(places - m))] for m in middle]
-        label = (ax.get_xlabel() if flat else ax.get_ylabel()) or "value"
+            names = []
+            for m in middle:
+                nearest = np.argmin(np.abs(places - m))
+                names.append(texts[nearest])
+        tints = [_colour(b.get_facecolor()) for b in bars]
         self._trace(
-            ax, "bar", str(bars.get_label()), place, *((length, middle) if flat else (middle, length)),
-            base=base, width=thickness, orientation="h" if flat else "v",
+            ax, "bar", str(bars.get_label()), place, base=base, width=thickness, **data,
             hovertemplate=f"%{{customdata[0]}}<br>{label}: %{{customdata[1]:.5g}}<extra></extra>",
             customdata=list(zip(names, (base + length).tolist(), strict=True)),
-            marker={"color": [_colour(b.get_facecolor()) for b in bars]},
+            marker={"color": tints},
         )  # fmt: skip
 
     def _collection(self, ax: Axes, collection, place) -> None:
         faces: Any = collection.get_facecolor()
-        edges: Any = faces if isinstance(collection, QuadMesh) else collection.get_edgecolor()
+        edges: Any = faces
+        if not isinstance(collection, QuadMesh):
+            edges = collection.get_edgecolor()
         label = str(collection.get_label())
         if isinstance(collection, PathCollection):
             x, y = np.asarray(collection.get_offsets(), float).T
             size = float(np.sqrt(collection.get_sizes()[0])) * _POINT
             tints = [_colour(face) for face in faces]
-            marker = {"color": tints if len(tints) > 1 else tints[0], "size": size}
+            paint = tints if len(tints) > 1 else tints[0]
+            marker = {"color": paint, "size": size}
             self._trace(ax, "scatter", label, place, x, y, mode="markers", marker=marker)
             return
         segments = isinstance(collection, LineCollection) or not len(faces)
         for number, path in enumerate(collection.get_paths()):
             pieces: list[Any] = list(path.to_polygons(closed_only=False))
-            edge = edges[number % len(edges)] if len(edges) else (0, 0, 0, 0)
+            edge = (0, 0, 0, 0)
+            if len(edges):
+                edge = edges[number % len(edges)]
             if pieces and segments:
                 # not a number parts one piece from the next
                 gaps = [np.append(piece, np.full((1, 2), np.nan), axis=0) for piece in pieces]
@@ -288,11 +336,14 @@ class _Conversion:
                 self._listed(ax, collection, faces[0], place)
         if hasattr(collection, "hover"):
             x, y, z, words = collection.hover  # pyright: ignore[reportAttributeAccessIssue]
-            rows = ((ax.get_xlabel(), "x"), (ax.get_ylabel(), "y"), (words, "z"))
-            hover = "<br>".join(f"{word}: %{{{name}:.5g}}" for word, name in rows)
+            hover = (
+                f"{ax.get_xlabel()}: %{{x:.5g}}",
+                f"{ax.get_ylabel()}: %{{y:.5g}}",
+                f"{words}: %{{z:.5g}}",
+            )
             self.figure.add_trace(
                 {"type": "heatmap", "x": x, "y": y, "z": z, "opacity": 0, "showscale": False,
-                 "hovertemplate": f"{hover}<extra></extra>", **place}
+                 "hovertemplate": f"{'<br>'.join(hover)}<extra></extra>", **place}
             )  # fmt: skip
 
     def _shape(self, ax: Axes, polygons, face, edge, place, inside=(True, True)) -> None:
@@ -302,7 +353,7 @@ class _Conversion:
         paths = []
         for polygon in polygons:
             if len(polygon) and np.all(np.isfinite(polygon)):
-                corners = (f"{x:.9g},{y:.9g}" for x, y in np.asarray(polygon, float))
+                corners = [f"{x:.9g},{y:.9g}" for x, y in np.asarray(polygon, float)]
                 paths.append(f"M{'L'.join(corners)}Z")
         if paths:
             self.figure.add_shape(type="path", path=" ".join(paths), layer="below",
@@ -329,16 +380,13 @@ class _Conversion:
                 textposition="top right", textfont={"size": size}, hovertemplate=None,
             )  # fmt: skip
             return
-        coordinates = getattr(text, "xycoords", None)
-        if coordinates is None:
-            inside = text.get_transform().contains_branch_seperately(ax.transData)
-        else:
-            pair = coordinates if isinstance(coordinates, tuple) else (coordinates,) * 2
-            inside = tuple(system == "data" or not isinstance(system, str) for system in pair)
+        inside = _in_data(ax, text)
         right = 0.0
         up = 0.0
         if getattr(text, "anncoords", None) == "offset points":
-            right, up = (_POINT * float(shift) for shift in text.xyann)
+            shift_right, shift_up = text.xyann
+            right = _POINT * float(shift_right)
+            up = _POINT * float(shift_up)
         # plotly has the exponents of logarithmic axes as coordinates of its texts
         if inside[0] and ax.get_xscale() == "log":
             x = np.log10(x)
@@ -353,6 +401,16 @@ class _Conversion:
             textangle=-text.get_rotation(),
             font={"size": size, "color": _colour(text.get_color())},
         )  # fmt: skip
+
+
+def _in_data(ax: Axes, text) -> tuple[bool, ...]:
+    """Whether the coordinates of a text are data, x and y; otherwise they are shares of the axes."""
+    coordinates = getattr(text, "xycoords", None)
+    if coordinates is None:
+        return text.get_transform().contains_branch_seperately(ax.transData)
+    if not isinstance(coordinates, tuple):
+        coordinates = (coordinates, coordinates)
+    return tuple(system == "data" or not isinstance(system, str) for system in coordinates)
 
 
 def _ticks(axis) -> tuple[np.ndarray, list[str]]:
@@ -370,7 +428,9 @@ def _references(inside, place) -> dict[str, str]:
     references = {}
     for axis, in_data in zip("xy", inside, strict=True):
         name = place[f"{axis}axis"]
-        references[f"{axis}ref"] = name if in_data else f"{name} domain"
+        if not in_data:
+            name = f"{name} domain"
+        references[f"{axis}ref"] = name
     return references
 
 

@@ -43,7 +43,8 @@ def sketch(compressor: Compressor, turn: FineTurn, angle: float) -> Sketch:
         forces[name] = np.array([x, y])
     lines, feet = _drawing(compressor.mechanism, angle)
     feet |= dict.fromkeys(bearing_names(compressor.crankshaft), np.zeros(2))
-    return Sketch(lines, {name: Arrow(place, forces[name]) for name, place in feet.items()})
+    arrows = {name: Arrow(place, forces[name]) for name, place in feet.items()}
+    return Sketch(lines, arrows)
 
 
 def front_view(compressor: Compressor, angle: float) -> dict[str, np.ndarray]:
@@ -90,7 +91,9 @@ def slider_crank_lines(m: SliderCrank, angle: float):
     centre = np.zeros(2)
     pin = radius * np.array([np.cos(angle), np.sin(angle)])
     piston = np.array([position, e])
-    top, bottom = (float(x) for x in m.piston_extremes())
+    highest, lowest = m.piston_extremes()
+    top = float(highest)
+    bottom = float(lowest)
     # from the piston pin; assumed
     crown = 0.45 * bore
     skirt = 0.4 * bore

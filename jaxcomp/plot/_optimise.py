@@ -60,10 +60,9 @@ def pareto_front(front: ParetoFront) -> Figure:
     looks = [shown(*row).drawn for row in rows]
     # the second objective is the abscissa
     scale = _columns(looks)
-    sample, points, present = (
-        scale.of(np.asarray(values))[..., ::-1]
-        for values in (front.sample, front.objectives, front.present)
-    )
+    sample = scale.of(np.asarray(front.sample))[..., ::-1]
+    points = scale.of(np.asarray(front.objectives))[..., ::-1]
+    present = scale.of(np.asarray(front.present))[..., ::-1]
     ax.plot(*sample.T, ".", color=_SAMPLE, markersize=4, alpha=0.6, label=f"{len(sample)} samples")
     ax.plot(
         *points[~front.dominated].T, "o-", color=_PATHS[0], markersize=4.5, label="Pareto front"
@@ -74,7 +73,8 @@ def pareto_front(front: ParetoFront) -> Figure:
         points[[0, -1]], names, front.maximised, (10, -12), strict=True
     ):
         ax.plot(*at, "*", color=_BEST, markersize=13)
-        ax.annotate(f"{'most' if maximised else 'least'} {name}", at, (0, shift), fontsize=8, ha="center",
+        extreme = "most" if maximised else "least"
+        ax.annotate(f"{extreme} {name}", at, (0, shift), fontsize=8, ha="center",
                     va="center", textcoords="offset points", color=style.INK)  # fmt: skip
     if np.all(np.isfinite(present)):
         _present(ax, *present)
@@ -172,7 +172,8 @@ def _strips(optimum: Optimum) -> Figure:
             steps = np.arange(1, start.steps + 1)
             ax.plot(steps, look.of(start.path[:, place]), color=_path(number), linewidth=1.1)
         ax.axhline(look.of(best[place]), color=_BEST, linewidth=1, linestyle="--")
-        low, high = (look.of(end[place]) for end in ranges)
+        low = look.of(ranges.low[place])
+        high = look.of(ranges.high[place])
         ax.set_ylim(low - 0.03 * (high - low), high + 0.03 * (high - low))
         ax.set_ylabel(look.label)
     axes[-1].set_xlabel(_STEPS)

@@ -39,7 +39,8 @@ def resonance_map(pulsation: dict[str, Any]) -> Figure:
     named = set()
     for resonance in pulsation["resonances"]:
         line = resonance["line"]
-        tint = style.tint(0 if line == "suction" else 1)
+        place = 0 if line == "suction" else 1
+        tint = style.tint(place)
         label = None if line in named else line
         named.add(line)
         ax.axhline(resonance["frequency"], color=tint, linewidth=1.5, label=label)

@@ -1,6 +1,5 @@
 """Pictures of a rotor with its crankcase and housing: drawing, curves, shapes, orbits, Campbell."""
 
-import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -46,7 +45,7 @@ def rotor_drawing(model: RotorModel) -> Figure:
     for number, body in enumerate(bodies):
         row = -(1.6 * height + number * step)
         members = (body.centre, *body.nodes)
-        z = np.array([places[node][2] for node in members]) * 1e3
+        z = _along(places, members)
         ax.plot([z.min(), z.max()], [row, row], color=style.tint(number), linewidth=5, alpha=0.6)
         ax.plot(z[0], row, "o", color=style.INK, markersize=5)
         ax.text(z.max(), row, f"  {body.centre}, {float(body.mass):.3g} kg", va="center",
@@ -54,19 +53,17 @@ def rotor_drawing(model: RotorModel) -> Figure:
         rows |= dict.fromkeys(members, row)
     ground = -(1.6 * height + len(bodies) * step)
     if any(link.nodes[1] is None for link in model.links):
-        z = np.array([p[2] for p in places.values()]) * 1e3
+        z = _along(places, places)
         ax.plot([z.min(), z.max()], [ground, ground], color=style.INK, linewidth=1)
         ax.text(z.min(), ground, "ground ", ha="right", va="center", fontsize=8.5, color=style.INK)
-    pairs = [(link.nodes, "#D55E00", "-") for link in model.links]
-    pulls = itertools.chain.from_iterable(pull.nodes for pull in model.magnetic_pulls)
-    pairs += [(pair, "#0072B2", ":") for pair in pulls]
-    for (a, b), paint, dash in pairs:
+    for (a, b), paint, dash in _links(model):
         z = places[a][2] * 1e3
-        ends = rows.get(a, 0.0), ground if b is None else rows.get(b, 0.0)
+        ends = [rows.get(a, 0.0), ground]
+        if b is not None:
+            ends[1] = rows.get(b, 0.0)
         ax.plot([z, z], ends, color=paint, linestyle=dash, linewidth=1.4, zorder=4)
         if dash == "-":
-            top = -height if max(ends) == 0.0 else max(ends)  # below the shaft
-            ax.text(z, (top + min(ends)) / 2, f" {a}", fontsize=7.5, va="center", color=paint)
+            _name_link(ax, a, z, ends, height, paint)
     for present, label, look in (
         (model.links, "bearing or mount", {"color": "#D55E00"}),
         (model.magnetic_pulls, "magnetic pull", {"color": "#0072B2", "linestyle": ":"}),
@@ -82,6 +79,30 @@ def rotor_drawing(model: RotorModel) -> Figure:
     ax.spines["left"].set_visible(False)
     ax.set(xlabel="z, mm", yticks=[], ylim=(ground - 0.4 * height, 1.35 * height))
     return figure
+
+
+def _along(places, nodes) -> np.ndarray:
+    """[mm] Places of nodes along z."""
+    return np.array([places[node][2] for node in nodes]) * 1e3
+
+
+def _links(model: RotorModel) -> list[tuple[Any, str, str]]:
+    """Pairs of nodes that a link or a magnetic pull joins, each with its colour and its line."""
+    pairs = []
+    for link in model.links:
+        pairs.append((link.nodes, "#D55E00", "-"))
+    for pull in model.magnetic_pulls:
+        for pair in pull.nodes:
+            pairs.append((pair, "#0072B2", ":"))
+    return pairs
+
+
+def _name_link(ax, node, z: float, ends: list[float], height: float, paint: str) -> None:
+    """Name of the first node of a link, in the middle of the link where it can be seen."""
+    top = max(ends)
+    if top == 0.0:
+        top = -height  # below the shaft
+    ax.text(z, (top + min(ends)) / 2, f" {node}", fontsize=7.5, va="center", color=paint)
 
 
 def shaft_nodes(model: RotorModel) -> list[Any]:
@@ -159,15 +180,18 @@ def _curves_of(response: Response, nodes: Sequence[str]) -> MotionOverSpeed:
     size = np.asarray(orbit(response.displacement[..., 0], response.displacement[..., 1]).major)
     size = np.where(np.asarray(response.ok)[..., None], size, np.nan)
     names = list(response.nodes) or [str(number) for number in range(x.shape[-2])]
-    missing = [node for node in nodes if node not in names]
-    if missing:
-        raise BadInput("nodes", missing[0], one_of(missing[0], names))
+    for node in nodes:
+        if node not in names:
+            raise BadInput("nodes", node, one_of(node, names))
     largest = np.argsort(-np.nanmax(size, axis=(0, 1)), kind="stable")[:_CURVES]
     shown = nodes or [names[i] for i in sorted(largest)]
     spin = np.asarray(response.spin_speed)[0]
     ratio = np.asarray(response.frequency)[:, -1] / spin[-1]
     orders = np.round(ratio).astype(int).tolist()
-    return MotionOverSpeed(orders, spin, {name: size[..., names.index(name)] for name in shown})
+    major_axis = {}
+    for name in shown:
+        major_axis[name] = size[..., names.index(name)]
+    return MotionOverSpeed(orders, spin, major_axis)
 
 
 @drawing
@@ -221,7 +245,8 @@ def response_orbits(rotor_motion: RotorMotion) -> Figure:
     turn = np.linspace(0, 2 * np.pi, 181)
     for ax, (name, motion) in zip(style.used(axes, len(nodes)), nodes.items(), strict=True):
         for n, order in enumerate(rotor_motion.orders[:3]):
-            x, y = (1e6 * abs(z) * np.cos(turn + np.angle(z)) for z in motion[n, 0, :2])
+            x = _over_turn(motion[n, 0, 0], turn)
+            y = _over_turn(motion[n, 0, 1], turn)
             ax.plot(x, y, color=style.tint(n), linewidth=1.4, label=f"order {order}")
             ax.plot(x[0], y[0], "o", color=style.tint(n), markersize=3.5)
         style.heading(ax, name, 8)
@@ -234,6 +259,11 @@ def response_orbits(rotor_motion: RotorMotion) -> Figure:
     style.note(figure, "Dots: time zero of the phases.")
     style.legend_outside(axes[0, 0], "upper right", 5)
     return figure
+
+
+def _over_turn(amplitude, turn: np.ndarray) -> np.ndarray:
+    """[µm] Motion over the angles of a turn, of a complex amplitude [m]."""
+    return 1e6 * abs(amplitude) * np.cos(turn + np.angle(amplitude))
 
 
 # Modes that a Campbell diagram has room for at least.
@@ -283,7 +313,9 @@ def campbell_diagram(
     above = 0
     if np.isfinite(hertz).any():
         above = int(np.sum(np.nanmin(hertz, axis=0) > top))
-    title = f"Campbell diagram; {above} modes lie above" if above else "Campbell diagram"
+    title = "Campbell diagram"
+    if above:
+        title += f"; {above} modes lie above"
     figure, ax = style.single((7.2, 4.8), title)
     grid = np.broadcast_to(rpm[:, None], hertz.shape)
     senses = (
@@ -293,13 +325,13 @@ def campbell_diagram(
     )
     for label, where, paint, marker in senses:
         for weak, alpha in ((where & ~strong, 1.0), (where & strong, 0.25)):
-            ax.plot(grid[weak], hertz[weak], marker, color=paint, markersize=2.6, alpha=alpha,
-                    label=label if alpha == 1 and weak.any() else None)  # fmt: skip
+            entry = label if alpha == 1 and weak.any() else None
+            look = {"color": paint, "markersize": 2.6, "alpha": alpha, "label": entry}
+            ax.plot(grid[weak], hertz[weak], marker, **look)
     ax.plot(rpm, np.where(strong, np.nan, hertz), color="#BBBBBB", linewidth=0.8, zorder=1)
     for order, dash in ((1, "--"), (2, ":")):
         ax.plot(rpm, order * rpm / 60, dash, color=style.INK, linewidth=1, label=f"{order}x speed")
-    critical = campbell.nested()["critical_speeds"]
-    peaks = np.array([c["speed"] * RPM for c in critical if c["damping_ratio"] <= _STRONG])
+    peaks = _peaks(campbell)
     if peaks.size:
         ax.plot(peaks, peaks / 60, "o", color=style.INK, fillstyle="none", markersize=9,
                 label="critical speed")  # fmt: skip
@@ -307,6 +339,15 @@ def campbell_diagram(
     ax.set_ylim(0, top)
     style.legend_above(ax)
     return figure
+
+
+def _peaks(campbell: CampbellDiagram) -> np.ndarray:
+    """[rpm] Critical speeds at which a response has a peak."""
+    peaks = []
+    for critical in campbell.nested()["critical_speeds"]:
+        if critical["damping_ratio"] <= _STRONG:
+            peaks.append(critical["speed"] * RPM)
+    return np.array(peaks)
 
 
 def _draw_shafts(ax, model, places) -> float:
@@ -334,9 +375,9 @@ def _draw_shafts(ax, model, places) -> float:
             z = places[node][2] * 1e3
             half = height * (0.5 + 0.5 * float(mass) / largest)
             ax.plot([z, z], [-half, half], **_DISK, zorder=3)
-    z = [p[2] * 1e3 for p in places.values()]
-    room = max(z) - min(z) + 1
-    ax.set_xlim(min(z) - 0.12 * room, max(z) + 0.25 * room)
+    z = _along(places, places)
+    room = z.max() - z.min() + 1
+    ax.set_xlim(z.min() - 0.12 * room, z.max() + 0.25 * room)
     return height
 
 
@@ -357,7 +398,7 @@ def _shape(axes: Sequence, model: RotorModel, x: np.ndarray) -> None:
     for number, (label, group) in enumerate(groups):
         line = sorted(group, key=lambda node: places[node][2])
         at = np.array([names.index(node) for node in line])
-        z = np.array([places[node][2] for node in line]) * 1e3
+        z = _along(places, line)
         for plane, ax in enumerate(axes):
             ax.plot(z, (x[at, plane] * turn).real, "o-", color=style.tint(number), markersize=2.4,
                     linewidth=1.5, label=label)  # fmt: skip

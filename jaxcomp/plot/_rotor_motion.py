@@ -96,9 +96,14 @@ def _outlines(model: RotorModel, at: np.ndarray, motion: np.ndarray) -> list[Out
     for number, group in enumerate(subsets(model)):
         for body in model.bodies:
             if body.centre in group:
-                boxes.append((number, [names.index(node) for node in (body.centre, *body.nodes)]))
-        line = sorted((names.index(n) for n in group if n in on_shafts), key=lambda i: at[i, 2])
+                members = [names.index(node) for node in (body.centre, *body.nodes)]
+                boxes.append((number, members))
+        line = []
+        for node in group:
+            if node in on_shafts:
+                line.append(names.index(node))
         if line:
+            line.sort(key=lambda i: at[i, 2])
             shafts.append(Outline(number, at[line, 0], at[line, 2], motion[line]))
     boxes.sort(key=lambda box: np.ptp(at[box[1], 2]))
     step = 0.08 * np.ptp(at[:, 2])

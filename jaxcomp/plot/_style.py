@@ -186,11 +186,9 @@ def turn_curves(
         usual = {"color": colour(name, place), "linewidth": 1.5, "label": words(name)}
         line_look = usual | look | looks.get(name, {})
         # a colour that comes again is dashed, then dotted
-        dash = (
-            ("-", "--", ":", "-.")[drawn.count(line_look["color"]) % 4]
-            if line_look["color"]
-            else "-"
-        )
+        dash = "-"
+        if line_look["color"]:
+            dash = ("-", "--", ":", "-.")[drawn.count(line_look["color"]) % 4]
         drawn.append(line_look["color"])
         ax.plot(*over_turn(angle, values), dash, **line_look)
     if zero:
@@ -210,9 +208,11 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
         x, y: (n,) the curve.
         tint: its colour.
     """
-    if ax.name != "polar":
+    if ax.name == "polar":
+        places = np.asarray(y * np.exp(1j * x))
+    else:
         ax.margins(0.12)  # for numbers beside the ends of the curve
-    places = np.asarray(y * np.exp(1j * x) if ax.name == "polar" else x + 1j * y)
+        places = np.asarray(x + 1j * y)
     points = places * _points_per_unit(ax, places)
     # between the points as well, where a number could lie on the line
     curve = np.concatenate([points + k / 4 * (np.roll(points, -1) - points) for k in range(4)])
@@ -227,10 +227,12 @@ def crank_marks(ax: Axes, degrees, x, y, tint: str) -> None:
         offset = _offset_beside(curve, dot, centres)
         numbered.append(dot)
         centres.append(dot + offset)
-        line = {"arrowstyle": "-", "color": GREY, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2}
+        line = None
+        if abs(offset) > _NEAR:
+            line = {"arrowstyle": "-", "color": GREY, "linewidth": 0.6, "shrinkA": 0, "shrinkB": 2}
         ax.annotate(f"{mark}°", (x[at], y[at]), xytext=(offset.real, offset.imag), color=INK,
                     textcoords="offset points", fontsize=7.5, ha="center", va="center",
-                    arrowprops=line if abs(offset) > _NEAR else None)  # fmt: skip
+                    arrowprops=line)  # fmt: skip
 
 
 # [pt] Half of the size of a number such as 180°, room around it, and the size of a dot.
@@ -250,8 +252,9 @@ def _points_per_unit(ax: Axes, places: np.ndarray) -> float:
     height = box.height * 72 / ax.figure.dpi
     if ax.name == "polar":
         return 0.5 * min(width, height) / (1.08 * max(float(np.abs(places).max()), 1e-12))
-    spans = [max(1.1 * float(np.ptp(part)), 1e-12) for part in (np.real(places), np.imag(places))]
-    return min(width / spans[0], height / spans[1])
+    wide = max(1.1 * float(np.ptp(np.real(places))), 1e-12)
+    high = max(1.1 * float(np.ptp(np.imag(places))), 1e-12)
+    return min(width / wide, height / high)
 
 
 def _offset_beside(curve: np.ndarray, dot: complex, centres: Sequence[complex]) -> complex:

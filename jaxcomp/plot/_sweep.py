@@ -3,7 +3,7 @@
 They take the dataset of `jaxcomp.sweep` and show it in the units people use.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -74,7 +74,9 @@ def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> di
         for place, designs in enumerate(look.of(values)):
             good = designs[np.isfinite(designs)]
             # as wide as a bar, in the order of the designs
-            wide = np.linspace(-0.3, 0.3, good.size) if good.size > 1 else 0 * good
+            wide = 0 * good
+            if good.size > 1:
+                wide = np.linspace(-0.3, 0.3, good.size)
             ax.plot(place + wide, good, "o", color=_CURVE, markersize=3.5)
             if good.size:
                 ax.plot([place - 0.35, place + 0.35], [np.median(good)] * 2, color=_BEST)
@@ -101,7 +103,9 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     found, at = _sliced(found, name, 2)
     ordinate, abscissa = found[name].dims
-    y, x, z = (_drawn(found, n) for n in (ordinate, abscissa, name))
+    y = _drawn(found, ordinate)
+    x = _drawn(found, abscissa)
+    z = _drawn(found, name)
     values = np.ma.masked_invalid(z.of(np.asarray(found[name])))
     figure, ax = style.single((7.2, 5.0), f"{title}{at}")
     ax.grid(False)
@@ -154,7 +158,8 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     dataset, at = _sliced(dataset, name, 2)
     dims = dataset[name].dims
-    x, y = (_drawn(dataset, n) for n in (dims[0], name))
+    x = _drawn(dataset, dims[0])
+    y = _drawn(dataset, name)
     values = y.of(np.asarray(dataset[name]).reshape(dataset.sizes[dims[0]], -1))
     px = x.of(np.asarray(dataset[dims[0]]))
     order = np.argsort(px)
@@ -164,8 +169,12 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     count = values.shape[1]
     judged = _judged(dataset, name)
     columns = np.unique(np.linspace(0, count - 1, min(count, _CURVES)).round().astype(int))
-    tints = [_CURVE] if count == 1 else colormaps["viridis"](np.linspace(0, 0.9, len(columns)))
-    second = _drawn(dataset, dims[1]) if len(dims) == 2 else None
+    tints: Any = [_CURVE]
+    if count != 1:
+        tints = colormaps["viridis"](np.linspace(0, 0.9, len(columns)))
+    second = None
+    if len(dims) == 2:
+        second = _drawn(dataset, dims[1])
     sign = -1.0 if dataset[name].attrs.get("better") == "less" else 1.0
     for tint, column in zip(tints, columns, strict=True):
         label = None
@@ -173,12 +182,14 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
             label = second.text(float(dataset[dims[1]][column]), 4)
         curve = values[:, column]
         points = np.isfinite(curve).sum()
-        ax.plot(px, curve, "o-" if points <= 40 else "-", color=tint, linewidth=1.5, markersize=2.5,
-                label=label)  # fmt: skip
+        line = "o-" if points <= 40 else "-"
+        ax.plot(px, curve, line, color=tint, linewidth=1.5, markersize=2.5, label=label)
         if judged and points:
             top = np.nanargmax(sign * curve)
             ax.plot(px[top], curve[top], "o", color=_BEST, markersize=5.5, zorder=3)
-    ylabel = f"{y.label} (the best is marked)" if judged else y.label
+    ylabel = y.label
+    if judged:
+        ylabel += " (the best is marked)"
     ax.set(xlabel=x.label, ylabel=ylabel)
     if second is not None:
         style.legend(ax, fontsize=8, title=second.words, title_fontsize=8.5, loc="center left",
@@ -197,7 +208,9 @@ def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """
     ordinate, abscissa = dataset[name].dims
     top = best_curve(dataset, name)
-    x, y, z = (_drawn(dataset, n) for n in (abscissa, ordinate, name))
+    x = _drawn(dataset, abscissa)
+    y = _drawn(dataset, ordinate)
+    z = _drawn(dataset, name)
     figure, (above, below) = style.stacked(2, (7.2, 5.4), title)
     order = np.argsort(top.across)
     px = x.of(top.across[order])
@@ -227,7 +240,10 @@ def sample_cloud(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    variables = [str(n) for n in dataset.coords if n != "sample"]
+    variables = []
+    for coordinate in dataset.coords:
+        if coordinate != "sample":
+            variables.append(str(coordinate))
     y = _drawn(dataset, name)
     every = -(-dataset.sizes["sample"] // _CLOUD)
     values = y.of(np.asarray(dataset[name]))
@@ -272,7 +288,9 @@ def _sliced(dataset, name, keep):
     further = dataset[name].dims[keep:]
     if not further:
         return dataset, ""
-    best = best_design(dataset, name) if _judged(dataset, name) else None
+    best = None
+    if _judged(dataset, name):
+        best = best_design(dataset, name)
     at = {}
     words = []
     for dim in further:

@@ -77,16 +77,20 @@ def transient_gas_figure(transient: Transient, name: str, power_off: float | Non
     time = np.asarray(transient.time)[at_end]
     figure, (close, lifts) = style.stacked(2, (7.4, 5.6), f"{name}: gas at the end")
     courses = np.atleast_2d(gas.pressure) / 1e6
-    names = gas.names if several else ["1"]
+    names = ["1"]
+    of_first = gas.lift
+    lift_label = "Lift, mm"
+    if several:
+        names = gas.names
+        of_first = gas.lift[0]
+        lift_label = "Lift of the first cylinder, mm"
     for name_of_end, course in zip(names, courses, strict=True):
         label = f"Cylinder {name_of_end or 1}".replace(".", ", ")
         close.plot(time, course[at_end], linewidth=1.2, label=label)
-    of_first = gas.lift[0] if several else gas.lift
     for valve, lift in zip(("Suction", "Discharge"), of_first, strict=True):
         lifts.plot(time, 1e3 * np.asarray(lift)[at_end], linewidth=1.2, label=valve)
     close.set_ylabel("Pressure, MPa")
-    label = "Lift of the first cylinder, mm" if several else "Lift, mm"
-    lifts.set(xlabel="Time, s", ylabel=label)
+    lifts.set(xlabel="Time, s", ylabel=lift_label)
     if several:
         style.legend_above(close)
     style.legend_above(lifts)

@@ -49,8 +49,12 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     locus.set_ylabel(f"Force along y, {look.unit}")
     axes = axes_words(compressor.crankshaft.bank_angle)
     style.note(figure, f"Dots: every 45° of crank angle from top dead centre. {axes}")
-    about = {name: row for name, row in zip("xyz", moment, strict=True) if np.any(row)}
-    looks = {name: {"label": f"about {name}"} for name in about}
+    about = {}
+    looks = {}
+    for name, row in zip("xyz", moment, strict=True):
+        if np.any(row):
+            about[name] = row
+            looks[name] = {"label": f"about {name}"}
     style.turn_curves(moments, turn.state.angle, about, "Moment, N m", looks=looks)
     moments.set_xticks(range(-180, 181, 90))
     style.legend_above(moments)
@@ -158,7 +162,8 @@ def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
     speeds, counts = np.unique(speed_of, return_counts=True)
     size = (max(6.0, 0.55 * counts.max() + 2), 2.7 * len(speeds) + 0.4)
     figure, axes = style.stacked(len(speeds), size, f"{title}: before and after balancing")
-    before, after = (factor * np.abs(x) for x in (system.initial, balance.residual))
+    before = factor * np.abs(system.initial)
+    after = factor * np.abs(balance.residual)
     spread = factor * np.linalg.norm(balance.sensitivity(), axis=1)
     for ax, speed in zip(axes, speeds, strict=True):
         rows = np.flatnonzero(speed_of == speed)
@@ -205,9 +210,8 @@ def balance_polar(balance: Balance) -> Figure:
             zip(weights.angle, each, weights.removed, strict=True)
         ):
             tint = _PLANES[int(weights.plane[place]) % len(_PLANES)]
-            ax.plot(
-                angle, size, "v" if removed else "s", color=tint, fillstyle="none", markersize=7
-            )
+            marker = "v" if removed else "s"
+            ax.plot(angle, size, marker, color=tint, fillstyle="none", markersize=7)
         largest = max(largest, *each, 1e-12)
     ax.set_ylim(0, 1.1 * largest)
     ax.yaxis.set_major_locator(MaxNLocator(4))

@@ -241,7 +241,8 @@ def _critical(model, count, order, damping, near):
     roots = _from_starts(system, start[0], no_growth, start[1].T, order, damping)
     first = jnp.argsort(roots.speed)
     roots = jax.tree.map(lambda a: a[first], roots)
-    speed, growth = (marked(system, values) for values in (roots.speed, roots.growth))
+    speed = marked(system, roots.speed)
+    growth = marked(system, roots.growth)
     return CriticalSpeeds(speed, growth, roots.residual)
 
 
@@ -280,7 +281,7 @@ def _from_starts(system, begin, begin_growth, shapes, order, damping):
         slope = jax.jacfwd(bilinear, (1, 2))(frozen, growth, spin)
         # At the root the residual is zero and the slope's own derivative drops out: a frozen slope
         # is enough for that of the answer.
-        a, w = (jax.lax.stop_gradient(s) for s in slope)
+        a, w = jax.lax.stop_gradient(slope)
         # value + a da + w dw = 0 in the complex plane, da and dw real
         det = a.real * w.imag - a.imag * w.real
         da = -(value.real * w.imag - value.imag * w.real) / det

@@ -46,8 +46,13 @@ def axis_numbers(dof: int, axes: tuple[str, ...]) -> tuple[tuple[int, ...], tupl
     Returns:
         Positions in `axes`, and the numbers of these degrees of freedom within a node.
     """
-    pairs = [(i, AXES[dof].index(a)) for i, a in enumerate(axes) if a in AXES[dof]]
-    return tuple(i for i, _ in pairs), tuple(j for _, j in pairs)
+    positions = []
+    numbers = []
+    for position, axis in enumerate(axes):
+        if axis in AXES[dof]:
+            positions.append(position)
+            numbers.append(AXES[dof].index(axis))
+    return tuple(positions), tuple(numbers)
 
 
 def check_axes(axes: tuple[str, ...]) -> None:

@@ -77,11 +77,12 @@ def crankshaft_of(
         if set(support.names or ()) <= set(stand):
             raise BadInput("crankshaft.main_journal.position", support.position, _FOLLOWS)
         return crankshaft
+    places = []
     for name in support.names or ():
         if len(support.bearings) > 1 and name not in stand:
             bound = one_of(name, stand) + ", the bearings of the rotor's links"
             raise BadInput("crankshaft.main_journal.bearings", name, bound)
-    places = [jnp.asarray(stand.get(name, 0.0)) for name in support.names or ()]
+        places.append(jnp.asarray(stand.get(name, 0.0)))
     support = replaced(support, position=jnp.stack(places))
     # Two bearings share a force by the lever alone, however stiff the shaft is; three do not.
     if support.shaft == "rotor" and len(support.bearings) > 2:
@@ -129,7 +130,10 @@ def _of_shaft(rotor: RotorModel, unbalances: Iterable[Unbalances], pin: Node):
     unbalance = couple = jnp.zeros(2)
     for table in unbalances:
         turning = turns(table.nodes)
-        z = jnp.stack([jnp.asarray(place.get(node, 0.0), float) for node in table.nodes])
+        heights = []
+        for node in table.nodes:
+            heights.append(jnp.asarray(place.get(node, 0.0), float))
+        z = jnp.stack(heights)
         # (2, n) in the frame of the crank: first towards the pin, then 90 degrees ahead of it
         vectors = (
             turning * table.magnitude * jnp.stack([jnp.cos(table.phase), jnp.sin(table.phase)])
@@ -145,15 +149,7 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     Raises:
         BadInput: the node is not on a shaft.
     """
-    members = next((group for group in subsets(rotor) if origin in group), ())
-    steps: dict[Node, list] = {node: [] for node in members}
-    for shaft in rotor.shafts:
-        # Concrete lengths are added up by NumPy, where JAX would run a program for every sum.
-        length = shaft.length if is_traced(shaft.length) else np.asarray(shaft.length)
-        for number, (a, b) in enumerate(shaft.pairs):
-            if a in steps:
-                steps[a].append((b, length[number]))
-                steps[b].append((a, -length[number]))
+    steps = _shaft_steps(rotor, origin)
     if not any(steps.values()):
         raise BadInput("pin", origin, "a node of the shaft")
     positions: dict[Node, Any] = {origin: np.zeros(())}
@@ -168,10 +164,31 @@ def axial_positions(rotor: RotorModel, origin: Node) -> dict[Node, Float[Array, 
     return positions
 
 
+def _shaft_steps(rotor: RotorModel, origin: Node) -> dict[Node, list]:
+    """Neighbours of every node that is joined to a node, with the steps to them; empty off a shaft."""
+    steps: dict[Node, list] = {}
+    for group in subsets(rotor):
+        if origin in group:
+            steps = {node: [] for node in group}
+    for shaft in rotor.shafts:
+        # Concrete lengths are added up by NumPy, where JAX would run a program for every sum.
+        length: Any = shaft.length
+        if not is_traced(length):
+            length = np.asarray(length)
+        for number, (a, b) in enumerate(shaft.pairs):
+            if a in steps:
+                steps[a].append((b, length[number]))
+                steps[b].append((a, -length[number]))
+    return steps
+
+
 def main_films(rotor: RotorModel, pin: Node) -> list[tuple[int, Float[Array, ""]]]:
     """Number among the links and [m] z from the plane of the rod of every film under the shaft."""
     place = axial_positions(rotor, pin)
-    return [(number, place[node]) for number, node in _film_nodes(rotor, place)]
+    films = []
+    for number, node in _film_nodes(rotor, place):
+        films.append((number, place[node]))
+    return films
 
 
 def _film_nodes(rotor: RotorModel, place) -> Iterator[tuple[int, Any]]:
@@ -210,27 +227,33 @@ def shaft_bearings(rotor: RotorModel, support: MainBearings, pin: Node) -> Shaft
     place = axial_positions(rotor, pin)
     shafts = []
     for shaft in rotor.shafts:
-        on_shaft = [node in place for node in chain.from_iterable(shaft.pairs)]
-        if not any(on_shaft):
+        nodes = set(chain.from_iterable(shaft.pairs))
+        if nodes.isdisjoint(place):
             continue
-        if not all(on_shaft):
+        if not nodes <= place.keys():
             raise BadInput("rotor.shafts", str(shaft.pairs), "of one shaft each")
         shafts.append(shaft)
-    laws: Any = [link.law for link in rotor.links]
-    nodes = {laws[number].bearing.name: node for number, node in _film_nodes(rotor, place)}
+    nodes = {}
+    for number, node in _film_nodes(rotor, place):
+        law: Any = rotor.links[number].law
+        nodes[law.bearing.name] = node
     held = [nodes[name] for name in support.names or ()]
     assert support.stiffness is not None
-    links = tuple(
-        Link((node, None), replaced(Mount(jnp.ones(2), jnp.zeros(2)), stiffness=jnp.full(2, k)))
-        for node, k in zip(held, support.stiffness, strict=True)
-    )
+    links = []
+    for node, k in zip(held, support.stiffness, strict=True):
+        mount = replaced(Mount(jnp.ones(2), jnp.zeros(2)), stiffness=jnp.full(2, k))
+        links.append(Link((node, None), mount))
     # The shaft alone on springs: disks, masses and the crankcase have no part in how it shares a force.
-    model = RotorModel(tuple(shafts), dof=4, links=links)
+    model = RotorModel(tuple(shafts), dof=4, links=tuple(links))
     names = node_names(model)
     along = jnp.stack([place[name] for name in names])
-    force = jnp.stack([nodal_load(model, node, "ux") for node in held])
-    lateral = jnp.stack([nodal_load(model, node, "ux") for node in names])
-    angular = jnp.stack([nodal_load(model, node, "thy") for node in names])
+
+    def unit_loads(nodes, axis):
+        return jnp.stack([nodal_load(model, node, axis) for node in nodes])
+
+    force = unit_loads(held, "ux")
+    lateral = unit_loads(names, "ux")
+    angular = unit_loads(names, "thy")
     zero = jnp.zeros(())
     # At frequency zero nothing but stiffness is left of the model.
     deflection = receptance(model, force, lateral, zero, zero).real

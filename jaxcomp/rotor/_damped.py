@@ -109,7 +109,8 @@ def damped_modes(
     Raises:
         BadInput: more modes than degrees of freedom, or a speed that is not finite.
     """
-    model = released(model) if free else model
+    if free:
+        model = released(model)
     check_request(model, count, spin_speed=spin_speed)
     return on_cpu(_damped)(model, jnp.asarray(spin_speed, float), count, free, damping)
 

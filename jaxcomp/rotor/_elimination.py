@@ -244,8 +244,13 @@ def _magnetic_pulls(layout, z):
     place = np.full(layout.n + 1, -1)
     place[layout.border] = np.arange(b)
     i, j = place[layout.links[count:]].T
-    rows = [np.where((i < 0) | (j < 0), b * b, p * b + q) for p, q in ((i, j), (j, i))]
-    rows = [np.where(p < 0, b * b, p * (b + 1)) for p in (i, j)] + rows
+    to_ground = (i < 0) | (j < 0)
+    rows = [
+        np.where(i < 0, b * b, i * (b + 1)),
+        np.where(j < 0, b * b, j * (b + 1)),
+        np.where(to_ground, b * b, i * b + j),
+        np.where(to_ground, b * b, j * b + i),
+    ]
     k = z.stiffness[count:, 0, 0]
     components = np.zeros((4, layout.components))
     # entry (u, u) of a block, alike in p and q: a pull acts on displacements only
@@ -391,9 +396,8 @@ def _scattered(layout, matrix, rows, columns, blocks):
     size = len(matrix)
     place = np.full((layout.n + 1) * dof, -1)
     place[_touched_numbers(layout)] = np.arange(size)
-    rows, columns = (place[at[:, None] * dof + np.arange(dof)] for at in (rows, columns))
-    rows = rows[:, :, None]
-    columns = columns[:, None, :]
+    rows = place[rows[:, None] * dof + np.arange(dof)][:, :, None]
+    columns = place[columns[:, None] * dof + np.arange(dof)][:, None, :]
     # Ground and untouched coordinates have no place: behind the matrix, where `add` leaves them out.
     at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
     return add(matrix.reshape(-1), at, blocks).reshape(size, size)
@@ -405,4 +409,6 @@ def _in_planes(reduced):
     mean = (p + q) / 2
     half = 0.5j * (p - q)
     out = jnp.block([[mean, half], [-half, mean]])
-    return out if len(reduced) == 1 else jax.scipy.linalg.block_diag(out, reduced[1][0])
+    if len(reduced) == 1:
+        return out
+    return jax.scipy.linalg.block_diag(out, reduced[1][0])

@@ -116,18 +116,26 @@ def layout_of(model: Any) -> Layout:
     def numbers(nodes):
         return tuple(number[node] for node in nodes)
 
+    def numbers_of_tables(tables):
+        return numbers(chain.from_iterable(table.nodes for table in tables))
+
     pairs = []
     for shaft in model.shafts:
         pairs += map(numbers, shaft.pairs)
-    links = [(numbers(link.nodes), tuple(link.axes), link.held) for link in model.links]
+    links = []
+    for link in model.links:
+        links.append((numbers(link.nodes), tuple(link.axes), link.held))
     for pull in model.magnetic_pulls:
-        links += [(numbers(pair), (), False) for pair in pull.nodes]
-    bodies = tuple((number[body.centre], numbers(body.nodes)) for body in model.bodies)
-    disks = numbers(chain.from_iterable(disk.nodes for disk in model.disks))
-    masses = numbers(chain.from_iterable(mass.nodes for mass in model.masses))
+        for pair in pull.nodes:
+            links.append((numbers(pair), (), False))
+    bodies = []
+    for body in model.bodies:
+        bodies.append((number[body.centre], numbers(body.nodes)))
+    disks = numbers_of_tables(model.disks)
+    masses = numbers_of_tables(model.masses)
     # Names and connections only: models that differ in numbers share one layout, and so programs
     # in which it is static.
-    return _layout((names, model.dof, tuple(pairs), tuple(links), bodies, disks, masses))
+    return _layout((names, model.dof, tuple(pairs), tuple(links), tuple(bodies), disks, masses))
 
 
 @lru_cache(maxsize=64)
@@ -136,26 +144,31 @@ def _layout(key) -> Layout:
     n = len(names)
     in_planes, _ = coordinates(dof)
     slaved = []
+    centres = []
     for centre, nodes in bodies:
-        slaved += [(node, centre) for node in nodes]
+        centres.append(centre)
+        for node in nodes:
+            slaved.append((node, centre))
     slaved = tuple(slaved)
     neighbours: list[set[int]] = [set() for _ in range(n)]
     for a, b in pairs:
         neighbours[a].add(b)
         neighbours[b].add(a)
     # Pulls are the links without axes. Their nodes are border nodes: a segment couples neighbours only.
-    pulled = set(chain.from_iterable(nodes for nodes, axes, _ in link_axes if not axes)) - {n}
+    pulled = _pulled_nodes(n, link_axes)
     touched, exists, ties = _coordinates_of(key, slaved, neighbours, pulled)
     active = exists & ties.free
     if not active.any():
         raise BadInput("model", "no degree of freedom", "something that can move")
 
-    border = {i for i in range(n) if touched[i].any() or len(neighbours[i]) not in (1, 2)} | pulled
+    border = _border_nodes(touched, neighbours, pulled)
     runs = _runs(n, neighbours, border)
     order = sorted(border)
     at = {node: k for k, node in enumerate(order)} | {None: len(order)}
     segment, opening, last_nodes = _packed(n, runs)
-    ends = np.array([(at[a], at[b]) for a, _, b in runs], int).reshape(-1, 2).T
+    ends = []
+    for before, _, behind in runs:
+        ends.append((at[before], at[behind]))
     left_of = np.full(segment.shape, len(order))
     for (before, run, _), (_, column) in zip(runs, last_nodes, strict=True):
         if before is not None:
@@ -168,7 +181,7 @@ def _layout(key) -> Layout:
         dof=dof,
         pairs=np.array(pairs, int).reshape(-1, 2),
         links=np.array([nodes for nodes, _, _ in link_axes], int).reshape(-1, 2),
-        centres=np.array([c for c, _ in bodies], int),
+        centres=np.array(centres, int),
         slaved=slaved,
         ties=ties,
         active=active[:, np.argsort(in_planes)],
@@ -180,9 +193,27 @@ def _layout(key) -> Layout:
         opening=opening,
         left_of=left_of,
         last_nodes=last_nodes.T,
-        ends=ends,
+        ends=np.array(ends, int).reshape(-1, 2).T,
         slots=_slots(pairs, segment, runs, at),
     )
+
+
+def _pulled_nodes(n: int, link_axes) -> set[int]:
+    """Nodes of the magnetic pulls."""
+    pulled = set()
+    for nodes, axes, _ in link_axes:
+        if not axes:
+            pulled.update(nodes)
+    return pulled - {n}  # without the ground
+
+
+def _border_nodes(touched, neighbours, pulled) -> set[int]:
+    """Nodes with links, bodies, pulls or branches, and those that stand alone."""
+    border = set(pulled)
+    for node, around in enumerate(neighbours):
+        if touched[node].any() or len(around) not in (1, 2):
+            border.add(node)
+    return border
 
 
 def _coordinates_of(key, slaved, neighbours, pulled) -> tuple[np.ndarray, np.ndarray, Ties]:
@@ -200,13 +231,16 @@ def _coordinates_of(key, slaved, neighbours, pulled) -> tuple[np.ndarray, np.nda
             # A held link has no stiffness: it does not bring a coordinate into being.
             exists[node, of_link] |= not held
         if held:
-            holds += [Hold(link, *nodes, at) for at in of_link]
+            for at in of_link:
+                holds.append(Hold(link, *nodes, at))
     ties = find_ties(n, dof, slaved, tuple(holds))
     # A body joins all coordinates of its nodes, across the whirl components.
-    rigid = [*(c for c, _ in bodies), *(k for k, _ in slaved)]
+    rigid = []
+    for centre, nodes in bodies:
+        rigid += [centre, *nodes]
     touched[rigid] = True
     exists[[*rigid, *disks]] = True
-    exists[[i for i in range(n) if neighbours[i]]] = True
+    exists[np.array([len(around) > 0 for around in neighbours], bool)] = True
     exists[list(pulled), 0] = exists[list(pulled), 2] = True  # ux and uy
     exists[list(masses), ::2] = True  # displacements
     for hold in ties.holds:  # what follows gives its inertia and stiffness to what it follows
@@ -223,12 +257,15 @@ def _runs(n, neighbours, border):
     """
     if not border:
         border.add(0)
-    inner = {i: neighbours[i] - border for i in range(n) if i not in border}
+    inner = {}
+    for node in range(n):
+        if node not in border:
+            inner[node] = neighbours[node] - border
     runs = []
     left_over = set(inner)
     # A run begins where at most one neighbour is inside; a ring of inner nodes has no such tip.
-    for tip in [i for i in inner if len(inner[i]) < 2]:
-        if tip not in left_over:
+    for tip in inner:
+        if len(inner[tip]) > 1 or tip not in left_over:
             continue
         run = [tip]
         while ahead := inner[run[-1]] - set(run):
@@ -258,18 +295,24 @@ def _packed(n, runs):
     # segment, whose length alone is sequential in the elimination.
     for s in sorted(range(len(runs)), key=lambda s: -len(runs[s][1])):
         run = runs[s][1]
-        room = [c for c, nodes in enumerate(columns) if len(nodes) + len(run) <= height]
-        if not room:
-            columns.append([])
-            room = [len(columns) - 1]
-        columns[room[0]] += run
-        last_nodes[s] = len(columns[room[0]]) - 1, room[0]
+        column = _column_with_room(columns, len(run), height)
+        columns[column] += run
+        last_nodes[s] = len(columns[column]) - 1, column
     segment = np.full((height, len(columns)), n)
     for c, nodes in enumerate(columns):
         segment[: len(nodes), c] = nodes
     first = [run[0] for _, run, _ in runs]
     # Empty places open as well, so that no sum of the segment above them runs on through them.
     return segment, np.isin(segment, [*first, n]), last_nodes
+
+
+def _column_with_room(columns: list[list[int]], length: int, height: int) -> int:
+    """Number of the first column that takes a run of a length; of a new one where none does."""
+    for number, nodes in enumerate(columns):
+        if len(nodes) + length <= height:
+            return number
+    columns.append([])
+    return len(columns) - 1
 
 
 def _slots(pairs, segment, runs, place):

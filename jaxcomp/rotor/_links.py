@@ -99,8 +99,10 @@ class Mount(Part):
             ("angular_stiffness", "angular_damping"),
         ):
             pair = getattr(self, stiffness), getattr(self, damping)
-            # absent ones have a size that no other has
-            sizes = {-1 if values is None else jnp.size(values) for values in pair}
+            sizes = set()
+            for values in pair:
+                # absent ones have a size that no other has
+                sizes.add(-1 if values is None else jnp.size(values))
             if len(sizes) > 1:
                 raise BadInput(
                     damping, getattr(self, damping), f"one value for each of `{stiffness}`"
@@ -168,10 +170,9 @@ class SpeedTable(Part):
 
     def coefficients(self, spin_speed):
         """The two matrices at a speed."""
-        return tuple(
-            _through_points(self.speed, values, spin_speed, self.kind)
-            for values in (self.stiffness, self.damping)
-        )
+        stiffness = _through_points(self.speed, self.stiffness, spin_speed, self.kind)
+        damping = _through_points(self.speed, self.damping, spin_speed, self.kind)
+        return stiffness, damping
 
 
 class Pinned(Part):
@@ -272,7 +273,12 @@ def _check_square(law) -> None:
 
 def _grounded(nodes: tuple) -> Any:
     """A pair of nodes with `None` for the word "ground"."""
-    return tuple(None if node == GROUND else node for node in nodes)
+    grounded = []
+    for node in nodes:
+        if node == GROUND:
+            node = None
+        grounded.append(node)
+    return tuple(grounded)
 
 
 def isotropic(stiffness, damping=0.0, *, size: int = 2) -> ConstantLaw:

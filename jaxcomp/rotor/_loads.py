@@ -103,7 +103,9 @@ class CrankNodes(Part):
     def __check_init__(self):
         if (self.rotor is None) != (self.stator is None):
             raise BadInput("stator", str(self.stator), "given with `rotor`, and only with it")
-        lengths = {len(nodes) if isinstance(nodes, tuple) else 0 for nodes in self._nodes}
+        lengths = set()
+        for nodes in self._nodes:
+            lengths.add(len(nodes) if isinstance(nodes, tuple) else 0)
         if len(lengths) > 1:
             raise BadInput("pin", str(self.pin), "of as many nodes as `head` and `wall`")
 
@@ -240,11 +242,14 @@ def _with_unbalance(f, model, load, spin_speed):
 def _with_force(f, model, load, order):
     row = load.orders.index(order)
 
-    def amplitude(*tables):
+    def amplitude(cosine, sine):
         none = jnp.zeros((len(load.orders), 3))
-        a, b = ((none if table is None else table)[row] for table in tables)
+        if cosine is None:
+            cosine = none
+        if sine is None:
+            sine = none
         # Re[(a - i b) e^{i w t}] = a cos w t + b sin w t.
-        return a - 1j * b
+        return cosine[row] - 1j * sine[row]
 
     force = amplitude(load.cosine, load.sine)
     wrench = jnp.concatenate([force, amplitude(load.moment_cosine, load.moment_sine)])

@@ -60,8 +60,11 @@ class RotorModel(Part):
             raise BadInput("nodes", str(self.nodes), f"an ordering of {sorted(map(str, names))}")
         self._check_joined()
         self._check_lengths()
-        slaved = list(chain.from_iterable(body.nodes for body in self.bodies))
-        centres = [body.centre for body in self.bodies]
+        slaved: list[Node] = []
+        centres = []
+        for body in self.bodies:
+            slaved += body.nodes
+            centres.append(body.centre)
         if len(set(slaved)) != len(slaved) or set(slaved) & set(centres):
             raise BadInput("bodies", str(slaved), "nodes that belong to one body each")
         if len(set(centres)) != len(centres):
@@ -136,12 +139,14 @@ def node_positions(model: RotorModel) -> dict[Node, np.ndarray]:
         lengths = np.asarray(shaft.length)[:, None] * [0.0, 0.0, 1.0]
         joints += zip(shaft.pairs, lengths, strict=True)
     for body in model.bodies:
-        pairs = [(body.centre, node) for node in body.nodes]
-        joints += zip(pairs, np.asarray(body.arm), strict=True)
+        for node, arm in zip(body.nodes, np.asarray(body.arm), strict=True):
+            joints.append(((body.centre, node), arm))
     pairs = [link.nodes for link in model.links]
     for pull in model.magnetic_pulls:
         pairs += pull.nodes
-    joints += [(pair, np.zeros(3)) for pair in pairs if pair[1] is not None]
+    for pair in pairs:
+        if pair[1] is not None:
+            joints.append((pair, np.zeros(3)))
     positions = {}
     for group in _joined(model, joints):
         positions |= group
@@ -150,13 +155,19 @@ def node_positions(model: RotorModel) -> dict[Node, np.ndarray]:
 
 def subsets(model: RotorModel) -> tuple[tuple[Node, ...], ...]:
     """Nodes that shafts or bodies hold together, such as rotor, crankcase and housing."""
-    pairs = list(chain.from_iterable(shaft.pairs for shaft in model.shafts))
-    for body in model.bodies:
-        pairs += [(body.centre, node) for node in body.nodes]
-    names = node_names(model)
     # places are of no interest here: every joint is a step of zero
-    groups = _joined(model, [(pair, 0.0) for pair in pairs])
-    return tuple(tuple(filter(group.__contains__, names)) for group in groups)
+    joints = []
+    for shaft in model.shafts:
+        for pair in shaft.pairs:
+            joints.append((pair, 0.0))
+    for body in model.bodies:
+        for node in body.nodes:
+            joints.append(((body.centre, node), 0.0))
+    names = node_names(model)
+    groups = []
+    for group in _joined(model, joints):
+        groups.append(tuple(name for name in names if name in group))
+    return tuple(groups)
 
 
 def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
@@ -184,18 +195,23 @@ def _joined(model: RotorModel, joints) -> list[dict[Node, np.ndarray]]:
 
 def subset_names(model: RotorModel) -> tuple[str, ...]:
     """Words for the subsets: the centre of a body, "rotor" for what spins, else the first node."""
-    spinning = set(chain.from_iterable(nodes_of(shaft) for shaft in model.shafts if shaft.spins))
+    spinning = set()
+    for shaft in model.shafts:
+        if shaft.spins:
+            spinning.update(nodes_of(shaft))
     centres = [body.centre for body in model.bodies]
     names = []
     for group in subsets(model):
-        named = [str(centre) for centre in centres if centre in group]
-        if named:
-            name = named[0]
+        inside = [centre for centre in centres if centre in group]
+        if inside:
+            name = str(inside[0])
         elif spinning & set(group):
             name = "rotor"
         else:
             name = f"line of {group[0]}"
-        names.append(name if name not in names else f"{name} of {group[0]}")
+        if name in names:
+            name = f"{name} of {group[0]}"
+        names.append(name)
     return tuple(names)
 
 

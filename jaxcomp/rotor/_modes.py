@@ -54,7 +54,8 @@ def matrices(
         spin_speed: [rad/s] at which the links are evaluated.
         with_links: false leaves out bearings, mounts, pins and magnetic pull (free-free).
     """
-    model = model if with_links else released(model)
+    if not with_links:
+        model = released(model)
     return _matrices(model, jnp.asarray(spin_speed, float), with_links)
 
 
@@ -75,14 +76,18 @@ def _matrices(model, spin_speed, with_links) -> Matrices:
     blocks = add(jnp.zeros((n * n, 2, 2, terms)), at, blocks)
     blocks = add(blocks, diagonal, system.inertia).reshape(n, n, 2, 2, terms)
     planes = _PLANES[:terms, : dof // 2, : dof // 2]
+
     # A term stands in the planes that `_PLANES` gives it: for its block B and the planes a and b the
     # entries (node n, plane a, i), (node m, plane b, j) are B_ij times the number for a, b.
-    k, m, g = (
-        jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
-        for q in (_STIFFNESS[: terms // 2], _INERTIA[: terms // 2], _POLAR)
-    )
+    def in_planes(q):
+        return jnp.einsum("nmijq,qab->nmaibj", blocks[..., q], planes[q]).reshape(n, n, dof, dof)
+
+    k = in_planes(_STIFFNESS[: terms // 2])
+    m = in_planes(_INERTIA[: terms // 2])
+    g = in_planes(_POLAR)
     bodies = layout.centres
-    m, g = (x.at[bodies, bodies].add(system.bodies[:, q]) for q, x in enumerate((m, g)))
+    m = m.at[bodies, bodies].add(system.bodies[:, 0])
+    g = g.at[bodies, bodies].add(system.bodies[:, 1])
     alpha, beta = (0.0, 0.0) if system.damping is None else system.damping
     # Before the links join k, whose damping is their own.
     c = alpha * m + beta * k
@@ -179,7 +184,8 @@ def undamped_modes(
     Raises:
         BadInput: more modes than the model has degrees of freedom.
     """
-    model = released(model) if free else model
+    if free:
+        model = released(model)
     size = layout_of(model).size
     if not 0 < count <= size:
         raise BadInput("count", count, f"between 1 and the {size} degrees of freedom")
@@ -327,7 +333,8 @@ def _mode_derivatives(model, direction, count, free) -> ModeDerivatives:
     layout = layout_of(model)
     as_shape = lambda v: v.T.reshape(count, layout.n, model.dof)  # noqa: E731
     good = admissible(model)
-    value, rate = (jnp.where(good, number, jnp.nan) for number in (value, rate))
+    value = jnp.where(good, value, jnp.nan)
+    rate = jnp.where(good, rate, jnp.nan)
     modes = Modes(value, as_shape(expand @ x))
     return ModeDerivatives(modes, rate, as_shape(expand @ dx + dexpand @ x))
 

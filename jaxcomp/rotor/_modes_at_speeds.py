@@ -26,13 +26,15 @@ def size_of(model: RotorModel, free: bool = False) -> dict[str, Any]:
         model: the model.
         free: hanging free, a rotor has no bearings that could hold it against the magnetic pull.
     """
-    groups = zip(subset_names(model), subsets(model), strict=True)
+    nodes_by_subset = {}
+    for name, group in zip(subset_names(model), subsets(model), strict=True):
+        nodes_by_subset[name] = list(map(str, group))
     limit = None
     if model.magnetic_pulls and not free:
         limit = float(magnetic_pull_limit(model))
     return {
         "degrees_of_freedom": model.dof,
-        "subsets": {name: list(map(str, group)) for name, group in groups},
+        "subsets": nodes_by_subset,
         "magnetic_pull_limit": limit,
     }
 
@@ -120,10 +122,10 @@ class RotorModes(Result):
         largest = np.stack([size[:, group].max(-1) for group in groups], -1)
         # what a model with few modes lacks is not a number, and moves nothing
         exists = np.all(np.isfinite(size), -1)
-        return [
-            words[number] if mode_exists else ""
-            for number, mode_exists in zip(largest.argmax(-1), exists, strict=True)
-        ]
+        moving = []
+        for number, mode_exists in zip(largest.argmax(-1), exists, strict=True):
+            moving.append(words[number] if mode_exists else "")
+        return moving
 
     def listed(self, place: int) -> list[dict[str, Any]]:
         """The modes at a speed, each with its subset, in SI units.
@@ -155,12 +157,19 @@ class RotorModes(Result):
 
     def nested(self) -> dict[str, Any]:
         """Modes at each speed, whether they are stable, and the Campbell diagram."""
+        listed = []
+        stable = []
+        growth = []
+        for place, modes in enumerate(self.modes):
+            listed.append(self.listed(place))
+            stable.append(bool(modes.stable))
+            growth.append(modes.growth)
         entries = {
             **size_of(self.model, self.free),
             **fields_of(self, "speeds", "free", "damping"),
-            "modes": [self.listed(place) for place in range(len(self.modes))],
-            "stable": [bool(modes.stable) for modes in self.modes],
-            "growth": [modes.growth for modes in self.modes],
+            "modes": listed,
+            "stable": stable,
+            "growth": growth,
         }
         if self.campbell is not None:
             entries["campbell"] = self.campbell

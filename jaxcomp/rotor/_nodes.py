@@ -46,7 +46,9 @@ def check_nodes(model: WithNodes, nodes: Node | tuple[Node | None, ...] | None, 
         BadInput: there is no such node.
     """
     names = node_names(model)
-    for node in nodes if isinstance(nodes, tuple) else (nodes,):
+    if not isinstance(nodes, tuple):
+        nodes = (nodes,)
+    for node in nodes:
         if node is not None and node not in names:
             raise BadInput(field, node, f"a node of the rotor, one of {names}{hint(node, names)}")
 

@@ -216,8 +216,11 @@ def reactions(
     free = np.ones((layout.n, 1, 1))
     free[nodes[0]] = 0.0
     unbalanced = collected(force - _node_forces(z, x, False), free, *nodes, arms).reshape(-1)
-    lost = np.array([hold.node * dof + hold.coordinate for hold in holds])
-    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(unbalanced, lost)
-    at = np.array([hold.link * dof + hold.coordinate for hold in holds])
+    lost = []
+    at = []
+    for hold in holds:
+        lost.append(hold.node * dof + hold.coordinate)
+        at.append(hold.link * dof + hold.coordinate)
+    held = reaction_matrix(layout.ties, layout.slaved, arms) @ take(unbalanced, np.array(lost))
     out = jnp.zeros(len(system.model.links) * dof, complex)
-    return add(out, at, held).reshape(-1, dof)
+    return add(out, np.array(at), held).reshape(-1, dof)

@@ -67,8 +67,9 @@ def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
     """The dynamic stiffness in its places, for the factors (terms, components) of the terms."""
     sizes = [int(np.prod(p.shape[:-1])) for p in places]
     flat = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]) @ coefficients
-    parts = jnp.split(flat, np.cumsum(sizes)[:-1])
-    parts = (f.reshape(*p.shape[:-1], f.shape[-1]) for f, p in zip(parts, places, strict=True))
+    parts = []
+    for part, place in zip(jnp.split(flat, np.cumsum(sizes)[:-1]), places, strict=True):
+        parts.append(part.reshape(*place.shape[:-1], part.shape[-1]))
     segment, right, border = parts
     # A unit pivot in empty places, over which the elimination runs without a division by zero.
     empty = np.zeros((*layout.segment.shape, 11))

@@ -202,10 +202,13 @@ def respond(
     if not all(isinstance(n, int) for n in orders) or not orders:
         raise BadInput("orders", str(orders), "whole numbers")
     _check(model, None, spin_speeds=spin_speeds)
-    keep = None if nodes is None else tuple(node_index(model, node) for node in nodes)
-    names = tuple(map(str, node_names(model) if nodes is None else nodes))
+    keep = None
+    names = node_names(model)
+    if nodes is not None:
+        keep = tuple(node_index(model, node) for node in nodes)
+        names = nodes
     response = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
-    return dataclasses.replace(response, nodes=names)
+    return dataclasses.replace(response, nodes=tuple(map(str, names)))
 
 
 def receptance(

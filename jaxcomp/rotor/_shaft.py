@@ -77,7 +77,7 @@ THEORIES = ("timoshenko", "rayleigh", "euler-bernoulli")
 
 # Gauss points on (0, 1). Four are exact for the mass of a uniform element (degree six); the rest is
 # for cones: with eight a 2:1 taper is integrated to 1e-9.
-_POINTS, _WEIGHTS = (np.polynomial.legendre.leggauss(8)[i] for i in (0, 1))
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _POINTS = (_POINTS + 1) / 2
 _WEIGHTS = _WEIGHTS / 2
 
@@ -190,7 +190,9 @@ def end_diameters(
 ) -> tuple[tuple[Float[Array, " n"], Float[Array, " n"]], ...]:
     """[m] Outer and inner diameters at the first ends and at the second ones."""
     outer = shaft.outer_diameter
-    inner = 0.0 * outer if shaft.inner_diameter is None else shaft.inner_diameter
+    inner = shaft.inner_diameter
+    if inner is None:
+        inner = 0.0 * outer
     outer_end = outer if shaft.outer_diameter_end is None else shaft.outer_diameter_end
     inner_end = inner if shaft.inner_diameter_end is None else shaft.inner_diameter_end
     return (outer, inner), (outer_end, inner_end)
@@ -227,10 +229,12 @@ def element_matrices(shafts: tuple[ShaftElements, ...]) -> ElementMatrices:
     of_kinds = []
     places = []
     for kind, numbers in kinds.items():
-        columns = zip(*(_columns(shafts[number]) for number in numbers), strict=True)
+        tables = [_columns(shafts[number]) for number in numbers]
+        columns = [jnp.concatenate(column) for column in zip(*tables, strict=True)]
         of_kind = lambda *args, kind=kind: _element(*kind, *args)  # noqa: E731
-        of_kinds.append(jax.vmap(of_kind)(*(jnp.concatenate(column) for column in columns)))
-        places += [np.arange(first[number], first[number + 1]) for number in numbers]
+        of_kinds.append(jax.vmap(of_kind)(*columns))
+        for number in numbers:
+            places.append(np.arange(first[number], first[number + 1]))
     joined = jax.tree.map(lambda *x: jnp.concatenate(x), *of_kinds)
     if len(kinds) == 1:
         return joined
@@ -249,7 +253,9 @@ _LENGTH_SHAPE = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, -0.5, 0.0, -0.5]])
 
 
 def _columns(shaft):
-    outer, inner = (jnp.stack(ends, -1) for ends in zip(*end_diameters(shaft), strict=True))
+    (outer, inner), (outer_end, inner_end) = end_diameters(shaft)
+    outer = jnp.stack((outer, outer_end), -1)
+    inner = jnp.stack((inner, inner_end), -1)
     constant = shaft.shear_constant
     if constant is None:
         # No law but "constant" reads it; it gives the tables of a kind the same columns.
@@ -373,5 +379,5 @@ def stepped_shaft(
             # a cone is cut into shorter ones whose ends lie on its line
             table[name] = a + (b - a) * within * share
             table[f"{name}_end"] = a + (b - a) * (within + 1) * share
-    nodes = tuple((first + i, first + i + 1) for i in range(len(which)))
+    nodes = tuple(pairwise(range(first, first + len(which) + 1)))
     return ShaftElements(nodes, **table)

@@ -104,8 +104,12 @@ def bare(model: RotorModel | System) -> System:
 
 def marked(system: System, values: Array) -> Array:
     """Values of a system, not a number for one with a number of the model out of its bound."""
-    good = admissible(system.model) if system.admissible is None else system.admissible
-    none = complex(np.nan, np.nan) if jnp.iscomplexobj(values) else np.nan
+    good = system.admissible
+    if good is None:
+        good = admissible(system.model)
+    none = np.nan
+    if jnp.iscomplexobj(values):
+        none = complex(np.nan, np.nan)
     return jnp.where(good, values, none)
 
 
@@ -114,9 +118,13 @@ def released(model: RotorModel | System) -> RotorModel | System:
     rotor = model.model if isinstance(model, System) else model
     if not any(link.held for link in rotor.links):
         return model
-    loose = lambda axes: diagonal(*jnp.zeros((2, len(axes))))  # noqa: E731
-    # As links without stiffness, so that their nodes and the numbers of the others stay.
-    links = (Link(n.nodes, loose(n.axes), n.axes) if n.held else n for n in rotor.links)
+    links = []
+    for link in rotor.links:
+        # As links without stiffness, so that their nodes and the numbers of the others stay.
+        if link.held:
+            law = diagonal(*jnp.zeros((2, len(link.axes))))
+            link = Link(link.nodes, law, link.axes)
+        links.append(link)
     return dataclasses.replace(rotor, links=tuple(links))
 
 
@@ -180,10 +188,9 @@ def link_matrices(
     lateral = np.zeros((dof, dof, 2))
     # u_x and u_y are the coordinates 0 and 2; a pull has no damping.
     lateral[[0, 2], [0, 2], 0] = 1.0
-    pulls = [
-        magnetic_pull_stiffness(p)[:, None, None, None] * lateral
-        for p in system.model.magnetic_pulls
-    ]
+    pulls = []
+    for pull in system.model.magnetic_pulls:
+        pulls.append(magnetic_pull_stiffness(pull)[:, None, None, None] * lateral)
     coefficients = jnp.concatenate([coefficients, *pulls])
     return coefficients[..., 0], coefficients[..., 1]
 
@@ -191,13 +198,15 @@ def link_matrices(
 def _laws(links, spin_speed):
     """Coefficients of every link; laws of one construction go through together."""
     kinds: dict = {}
+    coefficients: list = []
     for number, link in enumerate(links):
+        none = np.zeros((len(link.axes),) * 2)
+        coefficients.append((none, none))
         if link.held:
             continue
         arrays, static = eqx.partition(link.law, eqx.is_array)
         shapes = tuple(a.shape for a in jax.tree.leaves(arrays))
         kinds.setdefault((jax.tree.structure(arrays), shapes), []).append((number, arrays, static))
-    coefficients: list = [(np.zeros((len(link.axes),) * 2),) * 2 for link in links]
     for alike in kinds.values():
         numbers, arrays, statics = zip(*alike, strict=True)
         # What is neither array nor static may differ from law to law, and cannot be stacked.

@@ -70,7 +70,9 @@ def find_ties(n: int, dof: int, slaved: tuple, holds: tuple[Hold, ...]) -> Ties:
     for node, row in relations.items():
         # Rows that move by themselves stay out: `follow` takes them from the motion as it is.
         following = ~free[node][:, None]
-        pairs += [(node, master) for master, matrix in row.items() if (matrix * following).any()]
+        for master, matrix in row.items():
+            if (matrix * following).any():
+                pairs.append((node, master))
     return Ties(np.array(pairs, int).reshape(-1, 2).T, free, holds)
 
 
@@ -82,7 +84,9 @@ def tie_matrices(
         return arms
     n, dof = ties.free.shape
     relations, _, free = _relations(n, dof, slaved, arms, ties.holds)
-    rows = [relations[a][b] * ~free[a][:, None] for a, b in ties.nodes.T]
+    rows = []
+    for a, b in ties.nodes.T:
+        rows.append(relations[a][b] * ~free[a][:, None])
     # The zeros go again; with them the stack has a shape also where nothing follows.
     return jnp.stack([jnp.zeros((dof, dof)), *rows])[1:]
 
@@ -94,7 +98,9 @@ def reaction_matrix(
 
     The forces are those on free nodes and centres of bodies.
     """
-    of = {node: (centre, arm) for (node, centre), arm in zip(slaved, arms, strict=True)}
+    of = {}
+    for (node, centre), arm in zip(slaved, arms, strict=True):
+        of[node] = (centre, arm)
     eye = np.eye(ties.free.shape[1])
     table = []
     for hold in ties.holds:
@@ -115,11 +121,9 @@ def reaction_matrix(
 def _relations(n, dof, slaved, arms, holds):
     """Relations {node: {node: matrix}} of all that does not move by itself, complete holds, `free`."""
     eye = np.eye(dof)
-    relations: dict = {
-        node: {centre: arm} for (node, centre), arm in zip(slaved, arms, strict=True)
-    }
+    relations = _body_relations(slaved, arms)
     free = np.ones((n, dof), bool)
-    free[[node for node, _ in slaved]] = False
+    free[list(relations)] = False
     centres = {centre for _, centre in slaved}
     complete = []
     for hold in holds:
@@ -153,11 +157,22 @@ def _relations(n, dof, slaved, arms, holds):
     return relations, tuple(complete), free
 
 
+def _body_relations(slaved, arms) -> dict:
+    """Relations of the nodes of bodies to their centres."""
+    relations = {}
+    for (node, centre), arm in zip(slaved, arms, strict=True):
+        relations[node] = {centre: arm}
+    return relations
+
+
 def _with_lost(hold: Hold, gap, free, centres) -> Hold:
     """The coordinate that a condition removes: of a node by itself rather than of a body."""
     at = hold.coordinate
     # A factor of one needs no division by an arm, which could be zero for other numbers.
-    unit = [n for n, row in gap.items() if free[n, at] and abs(abs(row[at]) - 1) < 1e-12]
+    unit = []
+    for node, row in gap.items():
+        if free[node, at] and abs(abs(row[at]) - 1) < 1e-12:
+            unit.append(node)
     if not unit:
         bound = (
             "a condition that nothing else holds yet: not a second pin of the same node, nor one "

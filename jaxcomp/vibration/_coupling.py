@@ -49,8 +49,12 @@ def open_films(rotor: RotorModel | None) -> tuple[int, ...]:
     """Numbers of the links whose film takes its static load from the crank's periodic state."""
     if rotor is None:
         return ()
-    # 0 for the laws that take no load at all
-    return tuple(i for i, link in enumerate(rotor.links) if getattr(link.law, "load", 0) is None)
+    numbers = []
+    for number, link in enumerate(rotor.links):
+        # 0 for the laws that take no load at all
+        if getattr(link.law, "load", 0) is None:
+            numbers.append(number)
+    return tuple(numbers)
 
 
 def film_coefficients(
@@ -68,9 +72,15 @@ def film_coefficients(
     Raises:
         BadInput: a film whose bearing carries no load of the crank.
     """
-    names = {i: _film(rotor, i).name for i in open_films(rotor) if _along_orbit(rotor, i)}
-    films = journal_films(compressor, state) if names else {}
-    coefficients = {}
+    names = {}
+    for number in open_films(rotor):
+        film = _film(rotor, number)
+        if film.linearised == "orbit":
+            names[number] = film.name
+    coefficients: dict[int, DynamicCoefficients] = {}
+    if not names:
+        return coefficients
+    films = journal_films(compressor, state)
     for number, name in names.items():
         if name is None or name not in films:
             where = f"rotor.links.{number}.law.linearised"
@@ -103,10 +113,6 @@ def with_film_linearisation(machine: Machine, place: Literal["mean_load", "orbit
     return eqx.tree_at(lambda m: m.parts, machine, parts)
 
 
-def _along_orbit(rotor: RotorModel, number: int) -> bool:
-    return _film(rotor, number).linearised == "orbit"
-
-
 def film_loads(
     rotor: RotorModel, compressor: Compressor, pins, state: Orbit
 ) -> dict[int, Float[Array, "2"]]:
@@ -135,10 +141,14 @@ def film_loads(
     mean = jnp.sum(pin_forces, axis=1)
     # sum of F z about the plane z = 0, with the components x and y of F
     moment = pin_forces @ crankshaft.position
-    bearings = tuple(_film(rotor, number).bearing for number, _ in films)
-    position = jnp.stack([z for _, z in films])
+    bearings = []
+    positions = []
+    for number, z in films:
+        bearings.append(_film(rotor, number).bearing)
+        positions.append(z)
+    position = jnp.stack(positions)
     loads = {}
-    for (number, _), (share, lever) in zip(films, shares(bearings, position), strict=True):
+    for (number, _), (share, lever) in zip(films, shares(tuple(bearings), position), strict=True):
         loads[number] = share * mean + lever * moment
     return loads
 
@@ -174,7 +184,8 @@ def without(compressor: Compressor, left_out: tuple[str, ...]) -> Compressor:
         names = ("piston_mass", "conrod_mass", "conrod_inertia")
         if isinstance(mechanism, SliderLink):
             names = ("piston_mass", "slider_mass")
-        mechanism = replaced(mechanism, **{n: 1e-6 * getattr(mechanism, n) for n in names})
+        masses = {name: 1e-6 * getattr(mechanism, name) for name in names}
+        mechanism = replaced(mechanism, **masses)
     if "fluctuation" in left_out:
         assert crankshaft.inertia is not None
         # heavy instead of held at its speed: the balance of torques stays among the equations

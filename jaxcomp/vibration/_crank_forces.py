@@ -89,9 +89,9 @@ def crank_forces(
         for name in _PRESSED:
             if joints[name] in state.loads.forces:
                 at[name] = state.loads.forces[joints[name]]
-        losses = {
-            name: loss_torques.get(joints[name], none) for name in ("crank_pin", "piston_pin")
-        }
+        losses = {}
+        for name in ("crank_pin", "piston_pin"):
+            losses[name] = loss_torques.get(joints[name], none)
         pin, torque, side, lever = of_joints(single, cylinder_angle, at, losses)
         # M_z = x F_y - y F_x about the node of the wall: the friction acts along y = offset.
         lever = lever - nodes.wall_position * side[1] - single.offset * side[0]
@@ -111,9 +111,10 @@ def crank_forces(
             forces.append(PeriodicForce(node, None, orders, *table, *turning))
     if nodes.rotor is not None:
         # What brakes the shaft in the crankcase acts between rotor and stator, as the motor does.
-        at_shaft = sum(
-            (loss_torques[name] for name in loss_torques if name not in of_pins), start=none
-        )
+        at_shaft = none
+        for name, loss_torque in loss_torques.items():
+            if name not in of_pins:
+                at_shaft = at_shaft + loss_torque
         between = state.motor_torque - at_shaft
         turning = jnp.stack([none, none, between])
         (cosine, sine), missing["motor"] = _harmonics(turning, phase, share, orders)
@@ -173,8 +174,10 @@ def _pin_torque(mechanism: SliderCrank | SliderLink, angle, force):
 
 def _harmonics(values: Float[Array, "3 n"], phase, share, orders):
     """Coefficients (orders, 3) of cosine and sine, and the relative size of what is left out."""
-    # The mean of cos^2 over a period is a half, but that of 1 is one.
-    table = [((1.0 if n == 0 else 2.0), n * phase) for n in orders]
+    table = []
+    for n in orders:
+        # The mean of cos^2 over a period is a half, but that of 1 is one.
+        table.append((1.0 if n == 0 else 2.0, n * phase))
     # Products with the nodes' weights instead of an FFT, which needs nodes at even steps of time.
     cosine = jnp.stack([f * values @ (share * jnp.cos(p)) for f, p in table])
     sine = jnp.stack([f * values @ (share * jnp.sin(p)) for f, p in table])

@@ -151,8 +151,11 @@ def undamped_modes(
         spin_speed: [rad/s] at which the films stand.
         free: without the links to the ground.
     """
+    film_speeds: Any = spin_speed
     # Without links there are no films, and no crank has to be solved for their loads.
-    model = rotor_at(machine, () if free else spin_speed)
+    if free:
+        film_speeds = ()
+    model = rotor_at(machine, film_speeds)
     return rotor.undamped_modes(model, count, spin_speed=spin_speed, free=free)
 
 
@@ -170,8 +173,10 @@ def damped_modes(
         count: of modes.
         options: of `jaxcomp.rotor.damped_modes`.
     """
+    film_speeds: Any = spin_speed
     # as in `undamped_modes`: without links no crank has to be solved
-    film_speeds = () if options.get("free", False) else spin_speed
+    if options.get("free", False):
+        film_speeds = ()
     return rotor.damped_modes(rotor_at(machine, film_speeds), spin_speed, count, **options)
 
 
@@ -205,15 +210,19 @@ def rotor_modes(
     28.5 rad/s, rotor
     92.6 rad/s, housing
     """
-    speeds = [] if free else [spin_speeds]
-    if over is not None and not free:
-        speeds.append(over)
-    # one table of film loads for the points and the diagram, so that both show the same rotor
-    model = rotor_at(machine, np.unique(np.concatenate(speeds)) if speeds else ())
+    film_speeds: Any = ()
+    if not free:
+        speeds = [spin_speeds]
+        if over is not None:
+            speeds.append(over)
+        # one table of film loads for the points and the diagram, so that both show the same rotor
+        film_speeds = np.unique(np.concatenate(speeds))
+    model = rotor_at(machine, film_speeds)
     assert isinstance(model, RotorModel)
-    point_modes = tuple(
-        rotor.damped_modes(model, speed, count, free=free, damping=damping) for speed in spin_speeds
-    )
+    point_modes = []
+    for speed in spin_speeds:
+        modes = rotor.damped_modes(model, speed, count, free=free, damping=damping)
+        point_modes.append(modes)
     diagram = None
     if over is not None:
         diagram_modes = rotor.campbell(model, over, count, damping=damping)
@@ -221,7 +230,9 @@ def rotor_modes(
             model, over, count, damping=damping, diagram=diagram_modes
         )
         diagram = rotor.CampbellDiagram(np.asarray(over), diagram_modes, critical)
-    return rotor.RotorModes(model, np.asarray(spin_speeds), point_modes, free, damping, diagram)
+    return rotor.RotorModes(
+        model, np.asarray(spin_speeds), tuple(point_modes), free, damping, diagram
+    )
 
 
 def _with_rotor(machine: Machine | HasMachine | Assembly) -> Assembly:

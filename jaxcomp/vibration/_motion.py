@@ -177,7 +177,10 @@ def rotor_motion(
     design = machine_of(machine)
     speeds = np.asarray(spin_speeds, float)
     # films have the loads of all speeds in one table, of the curves as well
-    model = _model(design, speeds if over is None else np.union1d(speeds, over))
+    film_speeds = speeds
+    if over is not None:
+        film_speeds = np.union1d(speeds, over)
+    model = _model(design, film_speeds)
     watched = _watched(design, model, nodes)
 
     def answer(design: Machine, speeds: np.ndarray) -> Response:
@@ -188,11 +191,13 @@ def rotor_motion(
     forces = np.asarray(transmitted_forces(model, response))
     links = {}
     for number, link in enumerate(model.links):
+        of_axes = {}
+        for k, axis in enumerate(AXES[model.dof]):
+            if axis in link.axes:
+                of_axes[axis] = forces[:, :, number, k]
         # A model of 4 degrees of freedom moves in no axial direction: a link along z transmits nothing
         # in it.
-        axes = [(k, axis) for k, axis in enumerate(AXES[model.dof]) if axis in link.axes]
-        if axes:
-            of_axes = {axis: forces[:, :, number, k] for k, axis in axes}
+        if of_axes:
             links[_link_name(design, number)] = of_axes
     curves = linearised = None
     if over is not None:
@@ -275,8 +280,13 @@ def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
     films = {}
     links = _model(design, speeds).links
     for number, name in moving.items():
-        pairs = [links[number].law.coefficients(jnp.asarray(speed)) for speed in speeds]
-        films[name] = {"stiffness": [k for k, _ in pairs], "damping": [c for _, c in pairs]}
+        stiffness = []
+        damping = []
+        for speed in speeds:
+            k, c = links[number].law.coefficients(jnp.asarray(speed))
+            stiffness.append(k)
+            damping.append(c)
+        films[name] = {"stiffness": stiffness, "damping": damping}
     return {"major_axis": dict(zip(watched, major, strict=True)), "films": films}
 
 
@@ -291,7 +301,9 @@ def _link_name(design: Machine, number: int) -> str:
     rotor: Any = design.parts["rotor"]
     first, second = rotor.links[number].nodes
     bearing = _bearing_name(design, number)
-    name = f"{number}: {first} to {'ground' if second is None else second}"
+    if second is None:
+        second = "ground"
+    name = f"{number}: {first} to {second}"
     if bearing:
         name += f", {bearing}"
     return name

@@ -23,7 +23,9 @@ def run_forces(compressor: Compressor, orbit: Orbit) -> dict[str, Complex[Array,
         compressor: whose gas may be a `Cylinder` with pipes.
         orbit: its periodic state.
     """
-    pulsation = None if orbit.cycle is None else orbit.cycle.pulsation
+    pulsation = None
+    if orbit.cycle is not None:
+        pulsation = orbit.cycle.pulsation
     if pulsation is None:
         return {}
     directions = run_directions(compressor)
