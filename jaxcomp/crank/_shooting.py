@@ -206,6 +206,7 @@ class Shooting(eqx.Module):
         course = jax.tree.map(lambda x: jnp.zeros((count, *x.shape)), _reported(begin))
         no_result = start, begin, course
         slopes = jax.tree.map(lambda x: jnp.zeros((*x.shape, start.size)), no_result)
+        # as the record is behind its last step
         no_steps = jnp.full(self.max_steps, jnp.inf)
         no_shot = _Shot(no_result, slopes, eye, no_steps)
         carry = (start, no_shot, jnp.asarray(jnp.inf), jnp.asarray(0))

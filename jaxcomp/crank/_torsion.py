@@ -266,6 +266,7 @@ def _count_of_harmonics(chain: TorsionalChain, speed: Float[Array, "*n"]) -> int
 def _cuts(orbit: Orbit, count: int) -> int:
     """Parts of every panel that are short beside a wave of the highest order."""
     width = orbit.panel_width
+    # the widest that panels are where a traced width has no number yet
     widest = np.pi / 2
     if not is_traced(width):
         widest = float(np.max(np.asarray(width)))

@@ -56,6 +56,7 @@ def verification(compressor: Compressor, orbit: Orbit, options: TimeIntegration)
     fine = edges[:-1, None] + jnp.diff(edges)[:, None] * share
     nodes = jnp.append(orbit.state.angle[1:], end_angle)
     names = [journal.joint for journal in orbiting_journals(compressor)]
+    # without journals that move the march has no positions to begin with
     orbit_places = start = None
     if orbit.positions is not None:
         orbit_places = jnp.stack([orbit.positions[name] for name in names], axis=1)

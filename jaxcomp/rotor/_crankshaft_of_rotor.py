@@ -177,6 +177,7 @@ def _shaft_steps(rotor: RotorModel, origin: Node) -> dict[Node, list]:
             length = np.asarray(length)
         for number, (a, b) in enumerate(shaft.pairs):
             if a in steps:
+                # a step back has the opposite sign: places grow from the first node to the second
                 steps[a].append((b, length[number]))
                 steps[b].append((a, -length[number]))
     return steps

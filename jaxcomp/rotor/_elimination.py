@@ -411,4 +411,5 @@ def _in_planes(reduced):
     out = jnp.block([[mean, half], [-half, mean]])
     if len(reduced) == 1:
         return out
+    # axial and torsional motion has no planes: it keeps a block of its own
     return jax.scipy.linalg.block_diag(out, reduced[1][0])

@@ -211,6 +211,7 @@ def _border_nodes(touched, neighbours, pulled) -> set[int]:
     """Nodes with links, bodies, pulls or branches, and those that stand alone."""
     border = set(pulled)
     for node, around in enumerate(neighbours):
+        # a run passes through nodes with one neighbour or two and with nothing else on them
         if touched[node].any() or len(around) not in (1, 2):
             border.add(node)
     return border

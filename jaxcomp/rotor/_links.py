@@ -275,6 +275,7 @@ def _grounded(nodes: tuple) -> Any:
     """A pair of nodes with `None` for the word "ground"."""
     grounded = []
     for node in nodes:
+        # a file has a word for the ground, since TOML has no empty value; a model has `None`
         if node == GROUND:
             node = None
         grounded.append(node)

@@ -209,6 +209,7 @@ def subset_names(model: RotorModel) -> tuple[str, ...]:
             name = "rotor"
         else:
             name = f"line of {group[0]}"
+        # two shafts without a body of their own would both be "rotor"
         if name in names:
             name = f"{name} of {group[0]}"
         names.append(name)

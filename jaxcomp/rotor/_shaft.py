@@ -379,5 +379,6 @@ def stepped_shaft(
             # a cone is cut into shorter ones whose ends lie on its line
             table[name] = a + (b - a) * within * share
             table[f"{name}_end"] = a + (b - a) * (within + 1) * share
+    # every element ends at the node at which the next one begins
     nodes = tuple(pairwise(range(first, first + len(which) + 1)))
     return ShaftElements(nodes, **table)

@@ -161,6 +161,7 @@ def _body_relations(slaved, arms) -> dict:
     """Relations of the nodes of bodies to their centres."""
     relations = {}
     for (node, centre), arm in zip(slaved, arms, strict=True):
+        # bodies are rigid: a node moves as its centre does, through the arm between them
         relations[node] = {centre: arm}
     return relations
 
