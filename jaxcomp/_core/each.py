@@ -151,5 +151,9 @@ class AbstractEach(Part):
 
     def each(self, method: Callable[..., Any], *arguments) -> Any:
         """Values of a method of the laws for every cylinder, see `mapped`."""
-        laws = [self.law_of_cylinder(number + 1) for number in range(len(self.of_cylinder))]
-        return mapped(method, laws, *arguments)
+        return mapped(method, self._laws_of_cylinders(), *arguments)
+
+    def _laws_of_cylinders(self) -> list[Any]:
+        """The law of every cylinder, one after the other."""
+        # counted from 1, as users count cylinders and laws
+        return [self.laws[number - 1] for number in self.of_cylinder]

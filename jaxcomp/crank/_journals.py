@@ -150,7 +150,7 @@ def rate_shares(compressor: Compressor, angle: Float[Array, "*n"]) -> dict[str, 
     if not isinstance(mechanism, SliderCrank):
         return {}
     # In the crank's sense the rod turns at -phi' times the speed. It is the bush of both pins: the
-    # piston pin stands still in it, the crank pin turns with the crank.
+    # piston pin does not turn, the crank pin turns with the crank.
     tilts = rod_motion(crankshaft.each(mechanism, angle), crankshaft.own_angle(angle)).tilt_1
     shares = {}
     for number, tilt in enumerate(tilts, 1):

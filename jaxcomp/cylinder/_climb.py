@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Bool, Int
 
 from .._core.extremes import max_of
 from .._core.status import Status, raise_at_run_time
@@ -36,8 +36,13 @@ def events_without_room(cycle: Cycle, status: Status) -> Int[Array, ""]:
         cycle: of one cylinder, or with an axis of several, of which the one with most events counts.
         status: of the machine that it belongs to.
     """
-    lacks = may_lack_room(cycle.status) | may_lack_room(status)
+    lacks = _may_lack_room(cycle, status)
     return max_of(jnp.where(lacks, cycle.event_count, _FITS))
+
+
+def _may_lack_room(cycle: Cycle, status: Status) -> Bool[Array, "*n"]:
+    """Whether a cycle, or the machine that it belongs to, may be found in a larger size."""
+    return may_lack_room(cycle.status) | may_lack_room(status)
 
 
 class Climb:
@@ -123,7 +128,8 @@ def climbed(
 def _events_of(answer) -> int:
     """Events for which a solution that is a cycle or has one had no room; `_FITS` where it had."""
     cycle = _cycle_of(answer)
-    if not np.any(may_lack_room(cycle.status)) and not np.any(may_lack_room(answer.status)):
+    # by NumPy, since most have room and need no program to be told so
+    if not np.any(_may_lack_room(cycle, answer.status)):
         return _FITS
     return int(events_without_room(cycle, answer.status))
 

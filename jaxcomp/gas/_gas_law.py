@@ -129,10 +129,6 @@ class EachGas(AbstractEach, AbstractGas):
             shares.append(jnp.zeros(0) if row is None else row)
         return _filled(shares)
 
-    def _laws_of_cylinders(self) -> list[AbstractGas]:
-        """The law of every cylinder, one after the other."""
-        return [self.law_of_cylinder(i + 1) for i in range(len(self.of_cylinder))]
-
 
 def _volumes(valve_events, inward: bool) -> list[Float[Array, ""]]:
     """[m^3] Displaced volumes of the events on the stroke in one direction."""

@@ -262,7 +262,7 @@ def response_orbits(rotor_motion: RotorMotion) -> Figure:
 
 
 def _over_turn(amplitude, turn: np.ndarray) -> np.ndarray:
-    """[µm] Motion over the angles of a turn, of a complex amplitude [m]."""
+    """[µm] Motion over the angles of a revolution, of a complex amplitude [m]."""
     return 1e6 * abs(amplitude) * np.cos(turn + np.angle(amplitude))
 
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from .._core.display import Shown
 from ..study.sweep import best_curve, best_design
 from ..study.sweep._best import shown_column
-from ..study.sweep._store import quantity_names
+from ..study.sweep._store import quantity_names, variable_names
 from ..study.sweep._summary import machine_parts
 from . import _style as style
 from ._drawing import drawing
@@ -240,10 +240,7 @@ def sample_cloud(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
         name: of the quantity.
         title: of the picture.
     """
-    variables = []
-    for coordinate in dataset.coords:
-        if coordinate != "sample":
-            variables.append(str(coordinate))
+    variables = variable_names(dataset)
     y = _drawn(dataset, name)
     every = -(-dataset.sizes["sample"] // _CLOUD)
     values = y.of(np.asarray(dataset[name]))
