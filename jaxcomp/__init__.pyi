@@ -18,6 +18,7 @@ from . import study as study
 from . import valve as valve
 from . import vibration as vibration
 from ._core.errors import BadInput as BadInput
+from ._core.programs import keep_programs as keep_programs
 from ._core.registry import Quantity as Quantity
 from ._core.registry import register_quantity as register_quantity
 from ._core.results import load_result as load_result

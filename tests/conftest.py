@@ -17,7 +17,7 @@ import pytest
 from interrupts import Interrupts
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
-from jaxcomp._core import exported
+from jaxcomp._core import exported, programs
 from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
@@ -25,6 +25,7 @@ from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
 # `XLA_FLAGS=--xla_backend_optimization_level=3`.
 unoptimised_compiles()
 quick_compiles()
+programs.keep_programs()
 # Every worker keeps to a processor of its own: on as many processors as workers, the threads of XLA of
 # one would wait for those of the other, a hundred times longer than a small solve takes.
 _worker = os.environ.get("PYTEST_XDIST_WORKER", "")

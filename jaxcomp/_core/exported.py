@@ -7,6 +7,8 @@ array, by the settings of JAX, and by what a compiled program depends on (`jaxco
 sources of this package among it. What XLA makes of it is kept as well, for the same flags of XLA: to read
 that takes a third of reading and lowering what was traced to find its compiled program.
 
+Programs are written down and read by documented functions of JAX, none of which is replaced.
+
 Arguments with classes or functions of other packages are traced every time, since their code may have
 changed. A constant or function of this package that a running process replaces is not noticed:
 `JAXCOMP_CACHE=off` keeps nothing.
@@ -79,16 +81,25 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         if any(getattr(leaf, "weak_type", False) for leaf in leaves):
             leaves = [*map(strongly_typed, leaves)]
             arguments, named = structure.unflatten(leaves)
-        if not (enabled and programs.keeps()):
+        stored = enabled and programs.keeps()
+        sees_compiles = programs.sees_compiles()
+        if sees_compiles and not stored:
             return compiled(*arguments, **named)
         template = tuple(_hole(leaf) or leaf for leaf in leaves)
         # equality is enough here; the bytes of a key on disk are made once for each kind of arguments
-        key = (structure, template, _settings())
+        key = (stored, structure, template, _settings())
         try:
-            if key not in of_this_process:
-                of_this_process[key] = _program(function, template, structure)
+            is_new = key not in of_this_process
         except TypeError:  # an argument that has no hash
             return compiled(*arguments, **named)
+        if is_new:
+            program = None
+            if stored:
+                program = _program(function, template, structure)
+            of_this_process[key] = program
+            if program is None and not sees_compiles:
+                # the call below finds the program in the caches of JAX, and compiles nothing
+                _compile(compiled.lower(*arguments, **named).lowered, cached=False)
         program = of_this_process[key]
         if program is None:
             return compiled(*arguments, **named)
@@ -145,9 +156,7 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         stored = _read_compiled(compiled_path)
         if stored is None:
             result_template, run = traced()
-            # anew, even if it is there by its text: jaxlib 0.9 writes down half of what it has read
-            with programs.kept_by_caller():
-                compiled = run.lower(*map(_like, holes)).compile()
+            compiled = _compile(run.lower(*map(_like, holes)), cached=True)
             _write_compiled(compiled_path, result_template, compiled)
         else:
             result_template, compiled = stored
@@ -171,6 +180,18 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         return out_structure.unflatten(filled)
 
     return program
+
+
+def _compile(lowered: jax.stages.Lowered, *, cached: bool) -> jax.stages.Compiled:
+    """The compiled program, of which is told before if that takes long.
+
+    Args:
+        lowered: the program.
+        cached: whether later processes find it compiled.
+    """
+    size = len(programs.text_of(lowered.compiler_ir()))
+    with programs.compiled_by_caller(size, cached):
+        return lowered.compile()
 
 
 def _places_of_holes(leaves: Sequence[Any]) -> list[int]:

@@ -20,9 +20,6 @@ from jaxtyping import Array, Bool
 from . import precision as precision  # before JAX runs anything
 from .errors import BadInput, value_text
 from .printed import printed
-from .programs import keep_programs
-
-keep_programs()
 
 _MISSING = dataclasses.MISSING
 _Class = TypeVar("_Class", bound=type)

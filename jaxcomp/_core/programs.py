@@ -1,6 +1,7 @@
 """Compiled programs kept in the user's cache folder, for the next process that needs them.
 
-Kept is what JAX compiles for this package: programs in which a function of it was traced, or that are
+Whole solutions are kept always (`jaxcomp._core.exported`). A process that calls `keep_programs` keeps
+the other programs of this package as well: those in which a function of it was traced, or that are
 compiled while one runs. A user's other programs, and all of them where JAX has a cache of its own
 (`JAX_COMPILATION_CACHE_DIR`), are left to JAX.
 
@@ -58,6 +59,8 @@ _ARGUMENTS = ["backend", "computation", "devices", "compile_options", "host_call
 _anew: ContextVar[bool] = ContextVar("anew", default=False)
 _by_caller: ContextVar[bool] = ContextVar("by_caller", default=False)
 _written: list[int] = []  # since the last look
+# Whether the function of JAX that compiles is the one of this module.
+_replaced = False
 
 
 class CacheStatus(NamedTuple):
@@ -99,14 +102,38 @@ def empty_cache() -> None:
 
 
 def keep_programs() -> None:
-    """From now on keep the programs of this package that are compiled."""
+    """Keep every compiled program of this package from now on, for later processes.
+
+    Whole solutions (`solve_orbit`, a cycle, a response) are kept without this call, which adds all other
+    programs: gradients, batches, your own `jax.jit` around a function of jaxcomp, and the small programs
+    of single operations. Words on waits (`JAXCOMP_WAITS=on`, or a notebook) then speak of these as well,
+    and the time that is left of a study leaves their compiling out. Commands of `jaxcomp` and the desk
+    call it themselves.
+
+    `JAXCOMP_CACHE` names the folder, or keeps nothing (`off`). Programs of yours without a function of
+    jaxcomp are left to JAX, and so are all of them where JAX has a cache of its own. A second call
+    changes nothing.
+
+    JAX has no public way to keep the programs of one package alone. So its private function
+    `jax._src.compiler.compile_or_get_cached` is replaced, for the whole process, by one that calls it for
+    all that is not kept. A version of JAX whose function takes other arguments is left as it is.
+    """
+    global _replaced
     from jax._src import compiler
 
-    remember_in(_usable_root)
-    # JAX takes no cache of others: its function is replaced, as long as it takes these arguments
+    # replaced twice, every program would be written and counted twice
+    if _replaced:
+        return
     compile_one = compiler.compile_or_get_cached
     if list(inspect.signature(compile_one).parameters)[:5] == _ARGUMENTS:
         compiler.compile_or_get_cached = functools.partial(_compiled, compile_one)
+        _replaced = True
+
+
+def sees_compiles() -> bool:
+    """Whether `keep_programs` was called, so that whatever JAX compiles passes through this module."""
+    # no look at JAX itself: solutions want nothing that is private to it
+    return _replaced
 
 
 def compiled_anew() -> contextlib.AbstractContextManager[None]:
@@ -114,9 +141,26 @@ def compiled_anew() -> contextlib.AbstractContextManager[None]:
     return _set(_anew)
 
 
-def kept_by_caller() -> contextlib.AbstractContextManager[None]:
-    """Compile what the caller keeps: jaxlib 0.9 writes down half of a program that it has read."""
-    return _set(_by_caller)
+@contextlib.contextmanager
+def compiled_by_caller(size: int, cached: bool) -> Iterator[None]:
+    """Compile what the caller keeps, if anybody does; with words, and with the time counted.
+
+    It is not read where it is kept by its text: jaxlib 0.9 writes down half of a program that it has
+    read.
+
+    Args:
+        size: [bytes] of the text of the program.
+        cached: whether later processes find it compiled.
+    """
+    with _set(_by_caller), compiling(size, cached), compile_time:
+        yield
+
+
+def text_of(computation: Any) -> bytes:
+    """Text of a module of MLIR, by which programs are known and their waits estimated."""
+    text = io.BytesIO()
+    computation.operation.write_bytecode(file=text)
+    return text.getvalue()
 
 
 @contextlib.contextmanager
@@ -132,13 +176,13 @@ def _compiled(
     compile_one: Callable, backend, computation, devices, options, callbacks, *further, **named
 ):
     """The program of a computation, read where it is kept; stands for the function of JAX."""
-    text = io.BytesIO()
-    computation.operation.write_bytecode(file=text)
-    code = text.getvalue()
+    # the caller tells and counts it, see `compiled_by_caller`
+    if _by_caller.get():
+        return compile_one(backend, computation, devices, options, callbacks, *further, **named)
+    code = text_of(computation)
     of_package = _is_ours(code)
     path = None
-    by_caller = _by_caller.get()
-    if of_package and not callbacks and not by_caller:
+    if of_package and not callbacks:
         # a program that calls back into Python holds the addresses of this process, and is not kept
         path = _path(computation, devices, options, backend)
     if path is not None and (entry := read(path)):
@@ -149,7 +193,7 @@ def _compiled(
             return program
     telling = contextlib.nullcontext()
     if of_package:
-        telling = compiling(len(code), by_caller or path is not None)
+        telling = compiling(len(code), path is not None)
     with telling, compile_time:
         program = compile_one(backend, computation, devices, options, callbacks, *further, **named)
     if path is not None:
@@ -403,3 +447,7 @@ def _remove(path: Path) -> None:
     with contextlib.suppress(OSError):
         path.unlink()
         path.parent.rmdir()  # with the last one
+
+
+# Waits are remembered beside the programs, also where whole solutions alone are kept.
+remember_in(_usable_root)

@@ -60,7 +60,8 @@ class _Compiles:
 def watch_compiles(machine: str = "", task: str = "") -> None:
     """From now on say so before a program compiles for more than two seconds.
 
-    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much, and a notebook unasked.
+    The command line does; elsewhere `JAXCOMP_WAITS=on` does as much, and a notebook unasked: of whole
+    solutions, and after `keep_programs` of all programs.
 
     Args:
         machine: name of the machine.

@@ -68,10 +68,12 @@ def accuracy(
     unused = variable is not None and study != "gradient"
     refuse(unused, f"--variable {variable}: has no meaning without --study gradient")
     refuse(quantity is not None and study == "extremes", f"--quantity {quantity}: {without}")
+    from .._core.programs import keep_programs
     from .._core.progress import progress_of
     from ..study import accuracy as work_precision
 
-    quick_compiles()  # nothing is kept, so that compile times are those of a first call
+    quick_compiles()
+    keep_programs()  # what is timed is compiled anew all the same
     scene = changed_scene(case.machine, case.sets)
     partial = Partial(output.out, "settings")
 

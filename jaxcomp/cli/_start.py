@@ -159,7 +159,10 @@ def start_jax(*, once: bool = False) -> None:
     Args:
         once: whether the programs of the command run once.
     """
+    from .._core.programs import keep_programs
+
     quick_compiles()
+    keep_programs()
     if once:
         unoptimised_compiles()
     task = command_name()

@@ -6,6 +6,7 @@ from typing import Any
 import panel as pn
 from tornado.websocket import WebSocketClosedError
 
+from .._core.programs import keep_programs
 from ..scene import Scene
 from ._page import Page
 
@@ -16,12 +17,16 @@ _AT_FIRST = 15.0
 def serve(scene: Scene, *, port: int = 0, show: bool = True, threaded: bool = False) -> Any:
     """Serve the desk of a machine on this computer alone, a fresh one for every tab.
 
+    A process that does nothing else, not `threaded`, keeps all programs (`jaxcomp.keep_programs`).
+
     Args:
         scene: of `jaxcomp.load`.
         port: of the loopback address; a free one if 0.
         show: open a browser.
         threaded: return at once, with the server; otherwise when it is interrupted.
     """
+    if not threaded:
+        keep_programs()
     pn.extension("tabulator")
     logging.getLogger("asyncio").addFilter(_is_fault)
     # compiles what all pages share; of large machines the gains follow later

@@ -9,9 +9,10 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import pytest
+from jax._src import compiler
 
+from jaxcomp._core import exported, programs, waits
 from jaxcomp._core import progress as _waits
-from jaxcomp._core import waits
 from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, undamped_modes
 
 
@@ -42,6 +43,32 @@ def test_a_call_that_compiles_says_so_once(told, monkeypatch, capsys):
     assert re.fullmatch(r"jaxcomp: compiling the modes of my-rotor, about \d+ s", lines[0])
     undamped_modes(model, 3)
     assert "compiling" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("keeps_all", [False, True])
+@pytest.mark.parametrize("stored", [False, True])
+def test_a_whole_solution_is_told_and_counted_once(
+    told, monkeypatch, capsys, tmp_path, stored, keeps_all
+):
+    """With `keep_programs` as without, and where nothing is kept as well."""
+    monkeypatch.setattr(exported, "enabled", stored)
+    if stored:
+        monkeypatch.setenv("JAXCOMP_CACHE", str(tmp_path))
+    model = rotor(8 + 2 * keeps_all + stored)  # of a size that no other test compiles
+    if not keeps_all:
+        of_jax = compiler.compile_or_get_cached.args[0]
+        monkeypatch.setattr(compiler, "compile_or_get_cached", of_jax)
+        monkeypatch.setattr(programs, "_replaced", False)
+    monkeypatch.setattr(_waits._Compiles, "programs", 0)
+    monkeypatch.setattr(_waits.compile_time, "seconds", 0.0)
+    capsys.readouterr()
+    undamped_modes(model, 3)
+    words = "jaxcomp: compiling the modes, about \\d+ s"
+    if stored:
+        words += "; later starts are quicker"
+    assert re.fullmatch(f"{words}\n", capsys.readouterr().err)
+    assert _waits._Compiles.programs == 1
+    assert _waits.compile_time.seconds > 0
 
 
 def test_what_is_kept_is_told_and_shown_by_a_spinner(told, monkeypatch, capsys):

@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax._src import compiler
 
 from jaxcomp import load, optimise, problem, sensitivity
-from jaxcomp._core import exported
+from jaxcomp._core import exported, programs
 from jaxcomp._core.fields import admissible, clipped
 from jaxcomp._core.polynomials import legendre_columns
 from jaxcomp.cylinder import solve_cycle
@@ -128,6 +129,53 @@ def test_a_later_process_calls_lapack_without_having_traced_it(folder):
         told.append(run.stdout.split("] "))
     assert told[0][0] == told[1][0] == "[[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]"
     assert [int(one[-1]) for one in told] == [1, 0]
+
+
+ORBIT = """
+import jax
+hits = []
+jax.monitoring.register_event_listener(lambda event, **_: hits.append(event))
+from jax._src import compiler
+from jaxcomp import load, solve_orbit
+orbit = solve_orbit(load("mayekawa-wbhe"))
+assert compiler.compile_or_get_cached.__module__ == "jax._src.compiler"
+print(float(orbit.mechanical_efficiency), hits.count("/jax/compilation_cache/cache_hits"))
+"""
+
+
+def test_a_second_script_reads_a_whole_solution_unasked(folder):
+    """Without `keep_programs`: as it was traced and as it was compiled."""
+    efficiencies = []
+    hits = []
+    for _ in range(2):
+        run = subprocess.run([sys.executable, "-c", ORBIT], capture_output=True, text=True)
+        assert run.returncode == 0, run.stderr
+        efficiency, count = run.stdout.split()
+        efficiencies.append(efficiency)
+        hits.append(int(count))
+        assert len(list(folder.glob("*/*.program"))) == 2
+    assert efficiencies[0] == efficiencies[1]
+    assert hits == [0, 1]
+
+
+def test_what_cannot_be_kept_compiles_once(folder, monkeypatch):
+    """Without `keep_programs` it is compiled for the words before it, and found by the call behind."""
+    compile_one = compiler.compile_or_get_cached.args[0]
+    compiled = []
+
+    def counting(*arguments, **named):
+        compiled.append(arguments)
+        return compile_one(*arguments, **named)
+
+    monkeypatch.setattr(compiler, "compile_or_get_cached", counting)
+    monkeypatch.setattr(programs, "_replaced", False)
+    x = jnp.asarray(X)
+    doubled = exported.kept_jit(lambda x: 2 * x)
+    compiled.clear()
+    for _ in range(2):
+        np.testing.assert_array_equal(doubled(x), 2 * X)
+    assert len(compiled) == 1
+    assert not folder.exists() or not list(folder.glob("*/*"))
 
 
 def test_a_number_of_another_type_class_is_no_other_program():

@@ -1,5 +1,6 @@
-"""Importing the package starts and prints nothing, in a process of its own."""
+"""Importing the package starts, prints and replaces nothing, in a process of its own."""
 
+import os
 import subprocess
 import sys
 
@@ -9,17 +10,28 @@ def test_import_is_quiet():
 import sys, threading
 import jaxcomp
 assert not {"jax", "numpy", "matplotlib"} & {*sys.modules}, "JAX starts with the import"
+from jax._src import compiler, monitoring, xla_bridge
+def listeners():
+    lists = {name: value for name, value in vars(monitoring).items() if name.endswith("_listeners")}
+    return {name: len(value) for name, value in lists.items() if isinstance(value, list)}
+before = listeners()
+assert len(before) >= 2, "JAX has other names for its listeners"
 for module in (jaxcomp, jaxcomp.study, jaxcomp.vibration, jaxcomp.crank):
     for name in module.__all__:
         getattr(module, name)
 assert "typer" not in sys.modules
-from jax._src import xla_bridge
+compile_one = compiler.compile_or_get_cached
+assert type(compile_one) is type(listeners), "a function of JAX is replaced"
+assert compile_one.__module__ == "jax._src.compiler", "a function of JAX is replaced"
+assert listeners() == before, "somebody listens to JAX"
 assert not xla_bridge.backends_are_initialized(), "JAX has run something"
 assert threading.active_count() == 1
 from jaxcomp._core import progress
 assert not progress._Compiles.announced, "compiling is told unasked"
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    environment = {key: value for key, value in os.environ.items() if key != "JAXCOMP_WAITS"}
+    done = subprocess.run([sys.executable, "-c", code], env=environment,
+                          capture_output=True, text=True, timeout=120)  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 

@@ -28,6 +28,7 @@ from jax.sharding import SingleDeviceSharding
 from jaxtyping import Bool, Float, Int
 
 from ..._core.errors import BadInput
+from ..._core.programs import keep_programs, sees_compiles
 from ..._core.status import Status
 from .._problem import Answer, Problem, climb_of, in_size, of_each, solves_gas
 from ._points import Rows, neighbours_together
@@ -220,7 +221,9 @@ def _on_cluster(problem, width, client, blocks):
     from distributed.client import ClosedClientError
 
     # With every task and not scattered once: what only a lost worker held would be lost with it.
-    task = uuid.uuid4().hex, cloudpickle.dumps((problem, width)), _versions()
+    work = cloudpickle.dumps((problem, width))
+    # workers of a script that keeps whole solutions alone keep no more: one may be its own process
+    task = uuid.uuid4().hex, work, _versions(), sees_compiles()
     blocks = iter(blocks)
     under_way = {}
     waiting = as_completed()
@@ -260,14 +263,24 @@ _PROGRAMS = {}
 _COMPILING = threading.Lock()
 
 
-def _solved_by_worker(name: str, pickled: bytes, versions, rows):
-    """Quantities of a block, by a program that a worker makes once for a sweep."""
+def _solved_by_worker(name: str, pickled: bytes, versions, keeps_all: bool, rows):
+    """Quantities of a block, by a program that a worker makes once for a sweep.
+
+    Args:
+        name: of the sweep.
+        pickled: problem and width.
+        versions: of the caller.
+        keeps_all: whether the caller keeps all programs, as the worker does then.
+        rows: designs of the block [SI].
+    """
     if versions != _versions():
         worker = " and JAX ".join(_versions())
         caller = " and JAX ".join(versions)
         raise BadInput(
             "client", f"one with a worker of jaxcomp {worker}", f"of workers with {caller}"
         )
+    if keeps_all:
+        keep_programs()
     # Or every thread of a worker would compile the program for itself.
     with _COMPILING:
         if name not in _PROGRAMS:
