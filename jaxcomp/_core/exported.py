@@ -68,7 +68,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
     Args:
         function: pure; what it does depends on its arguments and on the sources of this package alone.
     """
-    compiled = eqx.filter_jit(function)
+    compiled: Any = eqx.filter_jit(function)
     of_this_process: dict[Any, Callable | None] = {}
 
     @functools.wraps(function)

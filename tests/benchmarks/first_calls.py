@@ -3,8 +3,10 @@
     python tests/benchmarks/first_calls.py [--only WORD]
 
 prints a table: seconds of the processor of the whole process at the first start and at the second, which
-finds the programs of the first; of the first, what JAX says it spent on lowering and compiling, and how
-many programs there were. The remainder is imports, reading the machine, tracing, running.
+finds the programs of the first; the same of a second start in Python after `jaxcomp.keep_programs()`,
+which keeps more than whole solutions, as commands do; of the first start, what JAX says it spent on
+lowering and compiling, and how many programs there were. The remainder is imports, reading the machine,
+tracing, running.
 """
 
 import argparse
@@ -41,28 +43,37 @@ CASES = {
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", choices=CASES)
+    parser.add_argument("--keep", action="store_true", help="the case after `keep_programs()`")
     parser.add_argument("--only", default="", help="cases with this word")
     given = parser.parse_args()
     if given.case:
-        measured(given.case)
+        measured(given.case, given.keep)
         return
-    print("| what | first start, s | second | lowering | compiling | programs |")
-    print("|---|---|---|---|---|---|")
+    print("| what | first start, s | second | keeping all | lowering | compiling | programs |")
+    print("|---|---|---|---|---|---|---|")
     for name, words in CASES.items():
         if given.only in name:
             with tempfile.TemporaryDirectory() as folder:
-                first, second = (start(name, folder) for _ in range(2))
-            told = " | ".join(f"{one['processor']:.1f}" for one in (first, second))
+                starts = [start(name, folder) for _ in range(2)]
+                # the first of these two keeps what is missing
+                if words:
+                    starts.append([start(name, folder, keep=True) for _ in range(2)][-1])
+            spent = [f"{costs['processor']:.1f}" for costs in starts]
+            columns = " | ".join(spent if words else [*spent, ""])
+            first = starts[0]
             parts = " | ".join(f"{first[part]:.1f}" for part in ("lower", "compile"))
             print(
-                f"| {words or f'`{name}`'} | {told} | {parts} | {first['programs']} |", flush=True
+                f"| {words or f'`{name}`'} | {columns} | {parts} | {first['programs']} |",
+                flush=True,
             )
 
 
-def start(name, folder):
+def start(name, folder, *, keep=False):
     """What a case costs in a process of its own, whose programs are kept in a folder."""
     environment = {**os.environ, "JAXCOMP_CACHE": folder, "JAXCOMP_WAITS": "off"}
     command = [sys.executable, __file__, "--case", name]
+    if keep:
+        command.append("--keep")
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     out = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -70,9 +81,11 @@ def start(name, folder):
     return json.loads(out.stderr.splitlines()[-1]) | {"processor": spent}
 
 
-def measured(name):
+def measured(name, keep):
     """Run a case in this process, and tell on standard error what JAX spent."""
     import jax
+
+    import jaxcomp
 
     spent = {"lower": 0.0, "compile": 0.0, "programs": 0}
     kinds = {"jaxpr_to_mlir_module": "lower", "backend_compile": "compile"}
@@ -91,6 +104,8 @@ def measured(name):
         with suppress(SystemExit):
             program()
     else:
+        if keep:
+            jaxcomp.keep_programs()
         jax.block_until_ready(globals()[name]())
     print(json.dumps(spent), file=sys.stderr)
 
