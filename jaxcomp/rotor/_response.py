@@ -28,6 +28,7 @@ from ._operator import link_force, operator_at, reactions
 from ._prepare import prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
+from ._speed_lists import filled, is_any_traced, without_filling
 from ._system import System, bare, collect, follow
 
 
@@ -169,7 +170,8 @@ def respond(
     """Response to unbalances and periodic forces at many speeds and orders.
 
     Speeds go through the solver in batches, so that the memory does not grow with their number;
-    its gradient computes each batch again for the same reason.
+    its gradient computes each batch again for the same reason. Outside of `jit`, `vmap` and `grad` lists
+    of speeds are filled up to a few lengths, so that another number of speeds seldom compiles anew.
 
     Args:
         model: the model, or the `System` prepared from it.
@@ -207,7 +209,12 @@ def respond(
     if nodes is not None:
         keep = tuple(node_index(model, node) for node in nodes)
         names = nodes
+    count = spin_speeds.size
+    if not is_any_traced(model, loads, spin_speeds):
+        spin_speeds = filled(spin_speeds, batch_size)
     response = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
+    if spin_speeds.size > count:
+        response = without_filling(response, count, axis=1)
     return dataclasses.replace(response, nodes=tuple(map(str, names)))
 
 

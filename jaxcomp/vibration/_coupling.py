@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._core.errors import BadInput
@@ -29,6 +30,7 @@ from ..mechanism import SliderLink, Vector
 from ..motor import ConstantSpeed
 from ..rotor import ConstantLaw, LoadedFilm, PeriodicForce, RotorModel, SpeedTable, Unbalances
 from ..rotor._crankshaft_of_rotor import main_films
+from ..rotor._speed_lists import filled_length, is_any_traced
 from ._crank_forces import crank_forces
 from ._pipe_forces import pipe_loads
 
@@ -323,8 +325,21 @@ def loaded_rotor(
     speeds = maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
-    tables = _load_tables(machine.compressor, rotor, case.crank.pins, speeds, solver)
+    asked = speeds
+    if speeds.size > 1 and not is_any_traced(rotor, machine.compressor, speeds):
+        speeds, asked = _filled_in_front(np.asarray(speeds))
+    tables = _load_tables(machine.compressor, rotor, case.crank.pins, asked, solver)
     return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
+
+
+def _filled_in_front(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[rad/s] Speeds of a table of one of few lengths, and those at which its entries are taken."""
+    # The rotor's programs know the length of its tables as well. Slower speeds with the values of the first
+    # one change nothing, since the ends of a table hold beyond it; behind the last one they would make
+    # its slope zero.
+    missing = filled_length(len(speeds), _LOADED) - len(speeds)
+    slower = np.linspace(0.0, speeds[0], missing, endpoint=False)
+    return np.concatenate([slower, speeds]), np.pad(speeds, (missing, 0), mode="edge")
 
 
 @kept_jit

@@ -14,11 +14,13 @@ from jaxtyping import Array, Float
 
 from .. import rotor
 from .._core.errors import BadInput
+from .._core.exported import kept_jit
 from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
 from ..rotor._campbell import critical_speeds_between
 from ..rotor._solve import NO_CRANK
+from ..rotor._speed_lists import filled, is_any_traced, without_filling
 from ..rotor._system import System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
@@ -119,6 +121,19 @@ def respond(
 
 
 def _shaken_by_crank(assembly: Assembly, speeds, orders, solver, options) -> Response:
+    if speeds.ndim != 1 or not speeds.size:
+        raise BadInput("spin_speeds", speeds, "a list of speeds")
+    count = speeds.size
+    if not is_any_traced(assembly, speeds):
+        speeds = filled(speeds)
+    response = _shaken_at_speeds(assembly, speeds, orders, solver, options)
+    if speeds.size > count:
+        response = without_filling(response, count, axis=1)
+    return response
+
+
+@kept_jit
+def _shaken_at_speeds(assembly, speeds, orders, solver, options):
     # Each speed has films and forces of its own, so that a batch of rotors is solved at one speed each,
     # where `rotor.respond` has one rotor at all of them.
     def at(speed):
@@ -129,9 +144,7 @@ def _shaken_by_crank(assembly: Assembly, speeds, orders, solver, options) -> Res
         trusted = jnp.where(crank.ok, response.status, NO_CRANK)
         return eqx.tree_at(lambda r: r.status, response, trusted)
 
-    if speeds.ndim != 1 or not speeds.size:
-        raise BadInput("spin_speeds", speeds, "a list of speeds")
-    response = eqx.filter_jit(jax.vmap(at))(speeds)
+    response = jax.vmap(at)(speeds)
     # from (speeds, orders, 1, ...) to (orders, speeds, ...), as a response of one rotor has it
     return jax.tree.map(lambda leaf: jnp.moveaxis(leaf[:, :, 0], 0, 1), response)
 
