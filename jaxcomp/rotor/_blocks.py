@@ -39,6 +39,25 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
     return jnp.take_along_axis(b, jnp.argsort(rows)[..., None], -2, mode="promise_in_bounds")
 
 
+def real_times(a: Array, b: Array) -> Array:
+    """The product of a real matrix (..., m, n) with any other one (..., n, k)."""
+    if not jnp.iscomplexobj(b):
+        return a @ b
+    k = b.shape[-1]
+    # Side by side as real columns, since JAX would make the real matrix complex.
+    parts = a @ jnp.concatenate([b.real, b.imag], -1)
+    return jax.lax.complex(parts[..., :k], parts[..., k:])
+
+
+def times_real(a: Array, b: Array) -> Array:
+    """The product of any matrix (..., m, n) with a real one (..., n, k)."""
+    if not jnp.iscomplexobj(a):
+        return a @ b
+    # One above the other, since JAX would make the real matrix complex.
+    real, imag = jnp.stack([a.real, a.imag]) @ b
+    return jax.lax.complex(real, imag)
+
+
 def inverse(s):
     """Inverse of a symmetric block, symmetric."""
     a, b, d = s

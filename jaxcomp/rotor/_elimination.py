@@ -28,11 +28,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ._blocks import inverse, lu_factor, lu_solve, minus, product, product_t, times, times_t
+from ._blocks import (
+    inverse,
+    lu_factor,
+    lu_solve,
+    minus,
+    product,
+    product_t,
+    times,
+    times_real,
+    times_t,
+)
 from ._conventions import add, take, whirl
 from ._layout import Layout
 from ._operator import Operator
-from ._places import TURNED, at_speed
+from ._places import TURNED, at_speed, border_blocks
 
 # of a segment's blocks
 _DIAGONAL = slice(0, 3)
@@ -75,6 +85,9 @@ def factorise(z: Operator) -> Factor:
     assert z.system.places is not None
     places = at_speed(layout, z.system.places, z.coefficients)
     segment, to_right, border = _eliminate(layout, places, _magnetic_pulls(layout, z))
+    _, place = border_blocks(layout)
+    # A block of zeros behind the last one is what the empty places read.
+    entries = jnp.concatenate([border, jnp.zeros_like(border[:1])]).reshape(-1, border.shape[-1])
     inner = []
     cross = []
     reach = []
@@ -87,8 +100,8 @@ def factorise(z: Operator) -> Factor:
         row = order[:, None]
         column = order
         # Blocks of the border are four numbers each, row by row.
-        entry = 4 * (row // 2 * b + column // 2) + row % 2 * 2 + column % 2
-        a = jnp.moveaxis(take(border.reshape(4 * b * b, -1), entry)[..., component], -1, 0)
+        entry = 4 * place[row // 2 * b + column // 2] + row % 2 * 2 + column % 2
+        a = jnp.moveaxis(take(entries, entry)[..., component], -1, 0)
         lu = lu_factor(a[:, :f, :f])
         coupling = a[:, :f, f:]
         response = lu_solve(lu, coupling)
@@ -96,12 +109,17 @@ def factorise(z: Operator) -> Factor:
         cross.append(coupling)
         reach.append(response)
         reduced.append(a[:, f:, f:] - jnp.swapaxes(coupling, -1, -2) @ response)
-    full = _in_planes(reduced) + _links_and_bodies(layout, z) + jnp.diag(_held_in_one_plane(layout))
     motion = None
-    small = full
-    if not layout.free.all():
-        motion = _border_motion(layout, z.system.arms)
-        small = motion.T @ full @ motion
+    if layout.free.all():
+        independent = jnp.eye(len(_touched_numbers(layout)))
+        small = _in_planes(reduced)
+    else:
+        motion = independent = _border_motion(layout, z.system.arms)
+        small = _condensed(reduced, motion)
+    held = _held_in_one_plane(layout)
+    if held.any():
+        small = small + (independent.T * held) @ independent
+    small = small + _links_and_bodies(layout, z, independent)
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
     size = jnp.abs(jnp.diagonal(small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
@@ -161,8 +179,9 @@ def _eliminate(layout, places, pulls):
     and blocks that belong on the border as well.
     """
     b = len(layout.border)
+    _, place = border_blocks(layout)
     if not layout.segment.size:
-        border = add(places.border, *pulls)
+        border = add(places.border, place[pulls[0]], pulls[1])
         return places.segment, places.right, border + _held(layout)
 
     def step(carry, row):
@@ -206,14 +225,14 @@ def _eliminate(layout, places, pulls):
         np.where(joined, near * b + far, b * b),
     ]
     values = jnp.concatenate([on_near, on_far, between, between[TURNED]], 1).swapaxes(0, 1)
-    rows = np.concatenate([*rows, pulls[0]])
+    rows = place[np.concatenate([*rows, pulls[0]])]
     values = jnp.concatenate([-values, pulls[1]])
     border = add(places.border, rows, values) + _held(layout)
     return segment, jnp.stack(to_right, 1), border
 
 
 def _held(layout):
-    """(b * b, 4, components) A stiffness of one for the coordinates that nothing acts on."""
+    """(r, 4, components) A stiffness of one for the coordinates that nothing acts on."""
     b = len(layout.border)
     out = np.zeros((b, b, 4, layout.components))
     at = np.arange(b)
@@ -223,7 +242,8 @@ def _held(layout):
         out[at, at, 3 * k, :2] = (layout.loose[:, 0, k] & layout.loose[:, 1, k])[:, None]
         if layout.dof == 6:
             out[at, at, 3 * k, 2] = layout.loose[:, 2, k]
-    return out.reshape(b * b, 4, -1)
+    numbers, _ = border_blocks(layout)
+    return out.reshape(b * b, 4, -1)[numbers]
 
 
 def _held_in_one_plane(layout):
@@ -377,17 +397,23 @@ def _border_motion(layout, arms):
     return _scattered(layout, fixed, *layout.ties.nodes, arms)[:, free]
 
 
-def _links_and_bodies(layout, z):
-    """Stiffness of links and bodies on the touched border coordinates."""
+def _links_and_bodies(layout, z, independent):
+    """Stiffness of links and bodies on the independent coordinates of the border."""
     count = len(z.system.model.links)
-    centres = layout.centres
-    a, b = layout.links[:count].T
-    links = z.links[:count]
-    blocks = jnp.concatenate([links, links, -links, -links, z.bodies])
-    rows = np.concatenate([a, b, a, b, centres])
-    columns = np.concatenate([a, b, b, a, centres])
-    size = len(_touched_numbers(layout))
-    return _scattered(layout, jnp.zeros((size, size), complex), rows, columns, blocks)
+    numbers = _touched_numbers(layout)
+    dof = layout.dof
+    place = np.full((layout.n + 1) * dof, len(numbers))
+    place[numbers] = np.arange(len(numbers))
+    place = place.reshape(-1, dof)
+    # The ground, and a coordinate that no link acts on, read a motion of zero.
+    independent = jnp.concatenate([independent, jnp.zeros_like(independent[:1])])
+    ends = take(independent, place[layout.links[:count]])  # (l, 2, dof, free)
+    # Links resist relative motions, which are subtracted before anything else, and bodies their own.
+    stretch = jnp.concatenate([ends[:, 0] - ends[:, 1], take(independent, place[layout.centres])])
+    blocks = jnp.concatenate([z.links[:count], z.bodies])
+    push = times_real(blocks, stretch)
+    rows = len(blocks) * dof
+    return times_real(push.reshape(rows, -1).T, stretch.reshape(rows, -1)).T
 
 
 def _scattered(layout, matrix, rows, columns, blocks):
@@ -401,6 +427,24 @@ def _scattered(layout, matrix, rows, columns, blocks):
     # Ground and untouched coordinates have no place: behind the matrix, where `add` leaves them out.
     at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
     return add(matrix.reshape(-1), at, blocks).reshape(size, size)
+
+
+def _condensed(reduced, motion):
+    """A border in components on the coordinates that move it, see `_in_planes` for the planes.
+
+    The whole border in planes is never formed: the components are multiplied by the motions of the
+    planes, which are alike at all speeds, and only what comes of that is brought to planes.
+    """
+    k = reduced[0].shape[-1]
+    free = motion.shape[1]
+    lateral = jnp.concatenate([motion[:k], motion[k : 2 * k]], 1)
+    p, q = times_real(reduced[0], lateral)  # (k, 2 free) each
+    mean = (p + q) / 2
+    half = 0.5j * (p - q)
+    along = [mean[:, :free] + half[:, free:], mean[:, free:] - half[:, :free]]
+    if len(reduced) > 1:
+        along.append(times_real(reduced[1][0], motion[2 * k :]))
+    return times_real(jnp.concatenate(along).T, motion).T
 
 
 def _in_planes(reduced):

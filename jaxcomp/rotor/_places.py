@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from ._blocks import real_times
 from ._conventions import add, take
 from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
 
@@ -20,12 +21,34 @@ class Places(NamedTuple):
     Attributes:
         segment: (m, 11, c, .) diagonal, Z_{j-1,j}, and coupling to the left border node.
         right: (s, 4, .) from the last node of each segment towards the right border node.
-        border: (b * b, 4, .) between border nodes.
+        border: (r, 4, .) between border nodes, for the numbers of `border_blocks`.
     """
 
     segment: Array
     right: Array
     border: Array
+
+
+def border_blocks(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Blocks of the border that anything fills; of many border nodes few are coupled to each other.
+
+    Returns:
+        Numbers i b + j (r,) of the blocks, and the places of all numbers among them (b * b + 1,), r for
+        those that stay empty and for the number b * b of what is left out.
+    """
+    b = len(layout.border)
+    at = layout.slots[:, 0] == BORDER
+    place = np.full(layout.n + 1, b)
+    place[layout.border] = np.arange(b)
+    # Neighbours by an element, by the segment between them or by a link: a magnetic pull is one.
+    pairs = np.concatenate([layout.slots[at, 1:3], layout.ends.T, place[layout.links]])
+    pairs = pairs[(pairs < b).all(1)]
+    first, second = pairs.T
+    diagonal = np.arange(b) * (b + 1)
+    numbers = np.unique(np.concatenate([diagonal, first * b + second, second * b + first]))
+    places = np.full(b * b + 1, len(numbers))
+    places[numbers] = np.arange(len(numbers))
+    return numbers, places
 
 
 def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
@@ -50,7 +73,9 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
     back = second[at] * b + first[at]
     joined = take(off, np.flatnonzero(at))
     values = jnp.concatenate([take(diagonal, layout.border), joined, joined[:, TURNED]])
-    border = add(zero(b * b), np.concatenate([diagonal_rows, forth, back]), values)
+    numbers, border_places = border_blocks(layout)
+    rows = border_places[np.concatenate([diagonal_rows, forth, back])]
+    border = add(zero(len(numbers)), rows, values)
 
     def place(which):
         rows = np.flatnonzero(kind == which)
@@ -66,7 +91,7 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
 def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
     """The dynamic stiffness in its places, for the factors (terms, components) of the terms."""
     sizes = [int(np.prod(p.shape[:-1])) for p in places]
-    flat = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]) @ coefficients
+    flat = real_times(jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]), coefficients)
     parts = []
     for part, place in zip(jnp.split(flat, np.cumsum(sizes)[:-1]), places, strict=True):
         parts.append(part.reshape(*place.shape[:-1], part.shape[-1]))
