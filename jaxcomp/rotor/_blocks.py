@@ -40,8 +40,8 @@ def lu_solve(factor, b: Array, transpose: bool = False) -> Array:
 
 
 def real_times(a: Array, b: Array) -> Array:
-    """The product of a real matrix (..., m, n) with any other one (..., n, k)."""
-    if not jnp.iscomplexobj(b):
+    """The product of a matrix (..., m, n), which may be real, with any other one (..., n, k)."""
+    if jnp.iscomplexobj(a) or not jnp.iscomplexobj(b):
         return a @ b
     k = b.shape[-1]
     # Side by side as real columns, since JAX would make the real matrix complex.
@@ -56,6 +56,16 @@ def times_real(a: Array, b: Array) -> Array:
     # One above the other, since JAX would make the real matrix complex.
     real, imag = jnp.stack([a.real, a.imag]) @ b
     return jax.lax.complex(real, imag)
+
+
+def in_parts(x: Array) -> Array:
+    """Real and imaginary part along a last axis."""
+    return jnp.stack([x.real, x.imag], -1)
+
+
+def from_parts(x: Array) -> Array:
+    """The way back of `in_parts`."""
+    return jax.lax.complex(x[..., 0], x[..., 1])
 
 
 def inverse(s):

@@ -28,6 +28,9 @@ M x'' + (C + W G) x' + K x = F have G_xy = +g, G_yx = -g.
 A real periodic force f(t) = sum a_n cos(n W t) + b_n sin(n W t) has F_n = a_n - i b_n.
 """
 
+import math
+
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
@@ -100,19 +103,24 @@ def coordinates(dof: int) -> tuple[np.ndarray, np.ndarray]:
     return numbers.reshape(-1), signs.reshape(-1)
 
 
-def whirl(dof: int, transpose: bool) -> np.ndarray:
-    """(components, planes) Unitary matrix from planes to components; its conjugate exchanges p and q.
+def to_components(x: Array, transpose: bool) -> Array:
+    """(n, planes, k) -> (n, components, k) by a unitary matrix, whose conjugate exchanges p and q.
 
     Z^T has them exchanged, because its gyroscopic part changes sign.
     """
-    turn = -1j if transpose else 1j
-    lateral = np.sqrt(0.5) * np.array([[1.0, turn], [1.0, -turn]])
-    if dof == 4:
-        return lateral
+    # Written out, because a product with a small matrix would be a call of a library with copies around.
+    turned = (-1j if transpose else 1j) * x[:, 1]
+    lateral = jnp.stack([x[:, 0] + turned, x[:, 0] - turned], 1) * math.sqrt(0.5)
     # axial and torsional motion has no sense of whirl and is the same in planes and components
-    out = np.eye(3, dtype=complex)
-    out[:2, :2] = lateral
-    return out
+    return jnp.concatenate([lateral, x[:, 2:].astype(lateral.dtype)], 1)
+
+
+def to_planes_of_components(x: Array, transpose: bool) -> Array:
+    """(n, components, k) -> (n, planes, k), the way back of `to_components`."""
+    # the way back of a unitary matrix is its conjugate transpose
+    turn = 1j if transpose else -1j
+    lateral = jnp.stack([x[:, 0] + x[:, 1], turn * (x[:, 0] - x[:, 1])], 1) * math.sqrt(0.5)
+    return jnp.concatenate([lateral, x[:, 2:]], 1)
 
 
 def add(x: Array, rows: np.ndarray, values: Array) -> Array:

@@ -35,11 +35,12 @@ from ._blocks import (
     minus,
     product,
     product_t,
+    real_times,
     times,
     times_real,
     times_t,
 )
-from ._conventions import add, take, whirl
+from ._conventions import add, take, to_components, to_planes_of_components
 from ._layout import Layout
 from ._operator import Operator
 from ._places import TURNED, at_speed, border_blocks
@@ -132,13 +133,12 @@ def solve_factored(
 ) -> Complex[Array, "n p 2"]:
     """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
     moving = jnp.asarray(layout.moving)
-    to_components = whirl(layout.dof, transpose)
-    components = jnp.einsum("lp,npk->nkl", to_components, jnp.where(moving, load, 0.0))
+    components = jnp.swapaxes(to_components(jnp.where(moving, load, 0.0), transpose), 1, 2)
     g = take(components, layout.border)
     m, c = layout.segment.shape
     b = len(layout.border)
     if not m:
-        return _planes(layout, to_components, _solve_border(layout, factor, g, transpose), load)
+        return _planes(layout, _solve_border(layout, factor, g, transpose), load, transpose)
     components = jnp.concatenate([components, jnp.zeros_like(components[:1])])  # the dummy node
     r = jnp.moveaxis(take(components, layout.segment), 2, 1)  # (m, 2, c, components)
     r, on_left = _forward(layout, factor, r)
@@ -156,12 +156,12 @@ def solve_factored(
     inside = layout.segment < layout.n
     where[layout.segment[inside]] = b + np.flatnonzero(inside)
     x = jnp.concatenate([y, jnp.moveaxis(x, 1, 2).reshape(m * c, 2, -1)])
-    return _planes(layout, to_components, take(x, where), load)
+    return _planes(layout, take(x, where), load, transpose)
 
 
-def _planes(layout: Layout, to_components, components: Array, load: Array) -> Array:
+def _planes(layout: Layout, components: Array, load: Array, transpose: bool) -> Array:
     """From components to planes; coordinates that do not move take the load as it is."""
-    x = jnp.einsum("lp,nkl->npk", to_components.conj(), components)
+    x = to_planes_of_components(jnp.swapaxes(components, 1, 2), transpose)
     return jnp.where(jnp.asarray(layout.moving), x, load)
 
 
@@ -324,7 +324,6 @@ def _backward(layout, factor, r, y):
 def _solve_border(layout, factor, g, transpose):
     """Motion (b, 2, components) of the border nodes."""
     b = len(layout.border)
-    to_components = whirl(layout.dof, transpose)
     flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
     reduced = []
     inside = []
@@ -334,25 +333,26 @@ def _solve_border(layout, factor, g, transpose):
         # In the components all blocks are symmetric and stand for Z^T too; only the border, where
         # links and bodies join p and q, has to be transposed.
         x = lu_solve(factor.inner[k], load[:, : len(free), None])[..., 0]
-        reduced.append(load[:, len(free) :] - jnp.einsum("afk,af->ak", factor.cross[k], x))
+        crossed = real_times(jnp.swapaxes(factor.cross[k], 1, 2), x[..., None])[..., 0]
+        reduced.append(load[:, len(free) :] - crossed)
         inside.append(x)
     # Links and bodies act along x and y: the rest of the border is solved in the planes.
-    planes = [to_components[:2, :2].conj().T @ reduced[0], *reduced[1:]]
+    planes = [to_planes_of_components(reduced[0][None], transpose)[0], *reduced[1:]]
     rhs = jnp.concatenate([p.reshape(-1) for p in planes])
     if factor.motion is not None:
-        rhs = factor.motion.T @ rhs
+        rhs = real_times(factor.motion.T, rhs[:, None])[:, 0]
     y = lu_solve(factor.border, (factor.weight * rhs)[:, None], transpose)[:, 0]
     y = factor.weight * y
     if factor.motion is not None:
-        y = factor.motion @ y
+        y = real_times(factor.motion, y[:, None])[:, 0]
     out = []
     used = 0
     for k, (component, (free, keep)) in enumerate(kinds):
         touched = y[used : used + len(component) * len(keep)].reshape(len(component), -1)
         used += touched.size
         if k == 0:  # the lateral planes go back to the components p and q
-            touched = to_components[:2, :2] @ touched
-        untouched = inside[k] - jnp.einsum("afk,ak->af", factor.reach[k], touched)
+            touched = to_components(touched[None], transpose)[0]
+        untouched = inside[k] - real_times(factor.reach[k], touched[..., None])[..., 0]
         # from "untouched first" back to node by node
         order = np.argsort(np.concatenate([free, keep]))
         out.append(take(jnp.concatenate([untouched, touched], 1).T, order))

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Inexact
 
-from ._conventions import add, take, whirl
+from ._blocks import from_parts, in_parts
+from ._conventions import add, take, to_components, to_planes_of_components
 from ._layout import Layout
 from ._system import System, collect, collected, follow, link_matrices
 from ._ties import body_arms, reaction_matrix
@@ -117,12 +118,10 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
     """Forces of shafts, disks and masses, in components and back."""
     system = z.system
     pairs = system.layout.pairs
-    to_components = whirl(system.dof, transpose)
-    components = jnp.einsum("lp,npk->nlk", to_components, x)
+    components = to_components(x, transpose)
     terms = z.coefficients
     # Without the first term: disks and masses have no stiffness.
-    node = jnp.einsum("nijq,ql->nijl", system.inertia[..., 1:], terms[1:])
-    f = jnp.einsum("nijl,nlj->nli", node, components)
+    f = _inertia_forces(system.inertia[..., 1:], terms[1:], components)
     if len(pairs):
         ends = take(components, pairs)  # (e, 2, l, 2)
         # Relative rotation and transverse deformation, subtracted before anything else.
@@ -130,7 +129,7 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
         turn = ends[:, 0, :, 1] + ends[:, 1, :, 1]
         bent = jnp.stack([difference[..., 1], difference[..., 0] - system.half * turn], -1)
         stiff = 1.0 if system.damping is None else terms[0, 0]
-        load = stiff * jnp.einsum("elik,elk->eli", system.strain, bent)
+        load = stiff * from_parts(_times_parts(system.strain, in_parts(bent)))
         # Without the stiffness, which has acted through the deformations.
         if system.dof == 4:
             inertia = system.elements[..., 1:]
@@ -138,12 +137,26 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2"], transpose: bool):
         else:
             inertia = system.elements[..., [1, 2, 4]]
             terms = terms[np.array([1, 2, 4])]
-        dynamic = jnp.einsum("eijq,ql->eijl", inertia, terms)
         at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4)
-        load = load + jnp.einsum("eijl,elj->eli", dynamic, at)
+        load = load + _inertia_forces(inertia, terms, at)
         f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2), 2, 1))
-    # The way back of a unitary matrix is its conjugate transpose.
-    return jnp.einsum("lp,nlk->npk", to_components.conj(), f)
+    return to_planes_of_components(f, transpose)
+
+
+def _inertia_forces(matrices, terms, x):
+    """Forces (m, l, i) by matrices (m, i, j, q) with factors (q, l) for motions x (m, l, j)."""
+    # Term by term, since a matrix at each speed would cost as much to put together as to multiply.
+    of_terms = from_parts(
+        _times_parts(jnp.moveaxis(matrices, -1, 1)[:, None], in_parts(x)[:, :, None])
+    )
+    return jnp.sum(terms.T[..., None] * of_terms, 2)
+
+
+def _times_parts(matrices, parts):
+    """Products of real matrices (..., i, j) and complex vectors in parts (..., j, 2)."""
+    # Elementwise and no product of matrices, each of which is too small for a call of a library. In
+    # parts, because JAX would make the matrices complex.
+    return jnp.sum(matrices[..., None] * parts[..., None, :, :], -2)
 
 
 def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:

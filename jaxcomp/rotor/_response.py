@@ -211,7 +211,7 @@ def respond(
         names = nodes
     count = spin_speeds.size
     if not is_any_traced(model, loads, spin_speeds):
-        spin_speeds = filled(spin_speeds, batch_size)
+        spin_speeds = jnp.asarray(filled(spin_speeds, batch_size))
     response = _respond(model, loads, spin_speeds, tuple(orders), keep, solver, batch_size)
     if spin_speeds.size > count:
         response = without_filling(response, count, axis=1)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
 from .._core.errors import BadInput
-from ._blocks import lu_factor, lu_solve
+from ._blocks import from_parts, in_parts, lu_factor, lu_solve
 from ._elimination import factorise, solve_factored
 from ._operator import Operator, apply, dense, scale
 
@@ -90,40 +90,33 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         return jax.lax.while_loop(goes_on, step, start)[:2]
 
     def forward(_, b):
-        x, correction = refined(_complex(b), False)
-        return _real(x), correction
+        x, correction = refined(from_parts(b), False)
+        return in_parts(x), correction
 
     def backward(_, b):
         # In real and imaginary parts the transpose of Z is that of its conjugate.
-        x, correction = refined(_complex(b).conj(), True)
-        return _real(x.conj()), correction
+        x, correction = refined(from_parts(b).conj(), True)
+        return in_parts(x.conj()), correction
 
     def solve(load: Complex[Array, "n p 2"]) -> Solution:
         # In parts, because a checkpoint of JAX keeps no complex numbers.
         x, correction = jax.lax.custom_linear_solve(
-            lambda x: _real(apply(z, _complex(x))),
-            _real(load.astype(complex)),
+            lambda x: in_parts(apply(z, from_parts(x))),
+            in_parts(load.astype(complex)),
             forward,
             backward,
             has_aux=True,
         )
-        x = _complex(x)
+        x = from_parts(x)
         correction, motion, load_value = jax.lax.stop_gradient((correction, x, load))
-        amplification = _ratio(_size(weight * motion), _size(load_value / weight))
+        # not a quotient of the load, because XLA would divide complex numbers
+        amplification = _ratio(_size(weight * motion), _size(load_value * (1 / weight)))
         status = _status(motion, correction, amplification)
         outside = jnp.logical_not(z.system.admissible) & (status != NOT_FINITE)
         status = jnp.where(outside, OUT_OF_BOUNDS, status)
         return Solution(x, correction, amplification, status)
 
     return solve
-
-
-def _real(x):
-    return jnp.stack([x.real, x.imag], -1)
-
-
-def _complex(x):
-    return jax.lax.complex(x[..., 0], x[..., 1])
 
 
 def _size(x):

@@ -33,8 +33,7 @@ def filled_length(count: int, batch_size: float = np.inf) -> int:
     """
     if count <= batch_size:
         return int(min(1 << (count - 1).bit_length(), batch_size))
-    # All of 2 to 8 batches, then 10, 12, 14, 16, 20: at most a fifth is added, and 4 lengths an octave
-    # are few.
+    # All of 2 to 8 batches, then 10, 12, 14, 16, 20: at most a quarter is added, by 4 lengths an octave.
     batches = -(-count // int(batch_size))
     step = 1 << max(batches.bit_length() - 3, 0)
     return -(-batches // step) * step * int(batch_size)

@@ -325,21 +325,22 @@ def loaded_rotor(
     speeds = maximum(jnp.sort(jnp.ravel(jnp.asarray(speeds, float))), _SLOWEST)
     if speeds.size > _LOADED:
         speeds = jnp.linspace(speeds[0], speeds[-1], _LOADED)
-    asked = speeds
+    solved = speeds
     if speeds.size > 1 and not is_any_traced(rotor, machine.compressor, speeds):
-        speeds, asked = _filled_in_front(np.asarray(speeds))
-    tables = _load_tables(machine.compressor, rotor, case.crank.pins, asked, solver)
+        speeds, solved = _filled_in_front(np.asarray(speeds))
+    tables = _load_tables(machine.compressor, rotor, case.crank.pins, solved, solver)
     return _loaded(rotor, {number: tables[number] for number in opened}, speeds)
 
 
-def _filled_in_front(speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _filled_in_front(speeds: np.ndarray) -> tuple[Array, Array]:
     """[rad/s] Speeds of a table of one of few lengths, and those at which its entries are taken."""
-    # The rotor's programs know the length of its tables as well. Slower speeds with the values of the first
-    # one change nothing, since the ends of a table hold beyond it; behind the last one they would make
-    # its slope zero.
+    # The rotor's programs know the length of its tables as well. Slower speeds with the values of the
+    # first one change nothing, since the ends of a table hold beyond it; behind the last one they would
+    # make its slope zero.
     missing = filled_length(len(speeds), _LOADED) - len(speeds)
     slower = np.linspace(0.0, speeds[0], missing, endpoint=False)
-    return np.concatenate([slower, speeds]), np.pad(speeds, (missing, 0), mode="edge")
+    solved = np.pad(speeds, (missing, 0), mode="edge")
+    return jnp.asarray(np.concatenate([slower, speeds])), jnp.asarray(solved)
 
 
 @kept_jit
