@@ -190,6 +190,18 @@ class LoadCase(Part):
 Loads = tuple[Unbalances | PeriodicForce, ...]
 
 
+def check_loads(loads: Any) -> None:
+    """Refuse what is no list of loads, as speeds are in their place.
+
+    Raises:
+        BadInput: something else than a tuple or list of `Unbalances` and `PeriodicForce`.
+    """
+    is_list = isinstance(loads, tuple | list)
+    if not is_list or not all(isinstance(load, Unbalances | PeriodicForce) for load in loads):
+        bound = "a tuple of `Unbalances` and `PeriodicForce`; speeds are named, `spin_speeds=...`"
+        raise BadInput("loads", f"of the type {type(loads).__name__}", bound)
+
+
 def load_vector(
     model: RotorModel | System, loads: Loads, order: int, spin_speed: Float[Array, ""]
 ) -> Complex[Array, "n dof"]:

@@ -21,7 +21,7 @@ from .._core.fields import is_traced
 from .._core.results import Data, Result
 from ._conventions import AXES, from_planes, to_planes
 from ._layout import layout_of
-from ._loads import Loads, load_vector
+from ._loads import Loads, check_loads, load_vector
 from ._model import RotorModel
 from ._nodes import node_index, node_names
 from ._operator import link_force, operator_at, reactions
@@ -186,7 +186,7 @@ def respond(
         Response with the batch (orders, speeds).
 
     Raises:
-        BadInput: speeds that are not finite or not one-dimensional, or an unknown node.
+        BadInput: loads that are none, speeds that are not finite or no list, or an unknown node.
 
     >>> from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalances
     >>> shaft = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3)
@@ -198,6 +198,7 @@ def respond(
     >>> print([f"{1e6 * abs(x):.2f} um" for x in motion])
     ['0.92 um', '13.98 um']
     """
+    check_loads(loads)
     spin_speeds = jnp.asarray(spin_speeds, float)
     if spin_speeds.ndim != 1 or not spin_speeds.size:
         raise BadInput("spin_speeds", spin_speeds, "a list of speeds")

@@ -19,6 +19,7 @@ from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
 from ..rotor._campbell import critical_speeds_between
+from ..rotor._loads import check_loads
 from ..rotor._solve import NO_CRANK
 from ..rotor._speed_lists import filled, is_any_traced, without_filling
 from ..rotor._system import System
@@ -95,6 +96,8 @@ def respond(
     >>> motion.displacement.shape
     (1, 1, 63, 4)
     """
+    if loads is not None:
+        check_loads(loads)
     if isinstance(machine, RotorModel | System):
         if loads is None or spin_speeds is None:
             missing = "loads" if loads is None else "spin_speeds"

@@ -62,3 +62,6 @@ def test_what_is_missing_is_named(scene):
         respond(scene.assembly.rotor, spin_speeds=SPEEDS)
     with pytest.raises(BadInput, match="spin_speeds"):
         respond(scene.assembly.rotor, ())
+    for machine in (scene, scene.assembly.rotor):
+        with pytest.raises(BadInput, match=r"`loads` must be .* speeds are named"):
+            respond(machine, SPEEDS, SPEEDS)
