@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
+from types import UnionType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
 
 import equinox as eqx
@@ -333,8 +334,12 @@ class Plots:
         kind = type(self._result)
         for name, function in plot.drawings().items():
             for parameter in inspect.signature(function).parameters.values():
-                # a function that draws several kinds of results has a union of them
-                if kind in (parameter.annotation, *get_args(parameter.annotation)):
+                # a function that draws several kinds of results has a union of them; one that draws
+                # several results at once, as in a mapping, is no picture of this one
+                kinds = (parameter.annotation,)
+                if isinstance(parameter.annotation, UnionType):
+                    kinds = get_args(parameter.annotation)
+                if kind in kinds:
                     functions[name] = function, parameter.name
         return functions
 

@@ -93,8 +93,11 @@ def journal_paths(compressor: Compressor, orbit: Orbit) -> Figure:
     Args:
         compressor: with a journal that has an oil film.
         orbit: its periodic state.
+
+    Raises:
+        ValueError: no journal has an oil film.
     """
-    films = journal_films(compressor, orbit)
+    films = _films(compressor, orbit)
     rows, columns = style.grid_of(len(films), 3)
     size = (4.0 * columns, 4.1 * rows)
     figure, axes = style.new_figure(rows, columns, size, "Journals in their clearances", False)
@@ -112,6 +115,13 @@ def journal_paths(compressor: Compressor, orbit: Orbit) -> Figure:
         how = "orbit" if film.moving else "steady load at every instant"
         style.heading(ax, f"{style.words(name)}, {how}")
     return figure
+
+
+def _films(compressor: Compressor, orbit: Orbit) -> dict[str, JournalFilm]:
+    films = journal_films(compressor, orbit)
+    if not films:
+        raise ValueError("A picture of journals in their films needs a journal with an oil film.")
+    return films
 
 
 def in_clearance(ax: Axes, film: JournalFilm, **look: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -133,9 +143,12 @@ def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     Args:
         compressor: with a journal that has an oil film.
         orbit: its periodic state.
+
+    Raises:
+        ValueError: no journal has an oil film.
     """
+    films = _films(compressor, orbit)
     figure, (above, below) = style.stacked(2, (7.2, 5.6), "Films of the journals")
-    films = journal_films(compressor, orbit)
     angle = orbit.state.angle
     thickness = {name: 1e6 * film.thickness for name, film in films.items()}
     pressure = {name: film.pressure / 1e6 for name, film in films.items()}

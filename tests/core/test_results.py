@@ -327,6 +327,7 @@ def test_orbits_of_many_designs_are_one_data_set(orbit):
 
 def test_pictures_of_a_result_are_found_by_name(orbit):
     assert {"pv_diagram", "joint_forces", "loss_shares"} <= set(dir(orbit.plot))
+    assert "by_number_of_cylinders" not in dir(orbit.plot)  # of several orbits
     assert orbit.plot.loss_shares().axes
     assert orbit.plot.pv_diagram(machine()).axes
     assert balance().plot.balance_bars().axes

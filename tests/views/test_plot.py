@@ -195,6 +195,9 @@ def test_absent_parts_have_no_picture():
     assert list(orbit_figures(bare, orbit)) == names
     with pytest.raises(ValueError, match="needs a compressor with gas"):
         plot.pv_diagram(bare, orbit)
+    for picture in (orbit.plot.journal_paths, orbit.plot.journal_films_over_turn):
+        with pytest.raises(ValueError, match="needs a journal with an oil film"):
+            picture(bare)
 
 
 def test_curves_close_at_both_ends():
