@@ -1,6 +1,6 @@
 """Mixtures by the Helmholtz energies of their components: blends, natural gas, process gas."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, ClassVar, Literal
 
@@ -18,7 +18,7 @@ from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_line
 from ._dew_curve import SAMPLES, DewCurve, solve_dew_curve
 from ._expanded import evaporator
 from ._fluid import SmallSystem
-from ._helmholtz import Saturation, ideal_terms
+from ._helmholtz import Saturation, fluid_data, fluids, ideal_terms
 from ._multi_fluid import (
     GERG,
     REFERENCE,
@@ -578,15 +578,20 @@ def _blend_of(name: str) -> Blend:
 
 
 def _check_name(name: str, table: MultiFluid, components, fractions, by_amount: bool) -> None:
-    """Refuse the name of a blend of ASHRAE 34 for another composition.
+    """Refuse the name of a pure fluid, and that of a blend of ASHRAE 34 for another composition.
 
     Raises:
-        BadInput: such a name.
+        BadInput: such a name, in any case.
     """
-    if name not in blends():
+    pure = _spelled(name, fluids())
+    if pure and not fluid_data(pure)["pseudo_pure"]:
+        bound = f'a name of your own: {pure} is a pure fluid, type = "real_gas"'
+        raise BadInput("name", f'"{name}"', bound)
+    blend_name = _spelled(name, blends())
+    if not blend_name:
         return
     w = _by_mass(table, fractions, by_amount)
-    listed = blends()[name].mass_fractions
+    listed = blends()[blend_name].mass_fractions
     fractions_of = dict(zip(components, w, strict=True))
     names = fractions_of.keys() | listed.keys()
     differences = []
@@ -594,9 +599,18 @@ def _check_name(name: str, table: MultiFluid, components, fractions, by_amount: 
         differences.append(fractions_of.get(component, 0.0) - listed.get(component, 0.0))
     if max(map(abs, differences)) > _NAMED:
         bound = (
-            f"a name of your own: {name} has another composition; leave the fractions out for it"
+            f"a name of your own: {blend_name} has another composition; leave the fractions out "
+            "for it"
         )
         raise BadInput("name", f'"{name}"', bound)
+
+
+def _spelled(name: str, names: Iterable[str]) -> str:
+    """The spelling in a list of a name that differs by capital letters at most; "" for none."""
+    for spelling in names:
+        if spelling.lower() == name.lower():
+            return spelling
+    return ""
 
 
 def _by_mass(table: MultiFluid, fractions, by_amount: bool):
@@ -620,7 +634,8 @@ def _composition(by_mass, by_amount, components) -> tuple[tuple[str, ...], np.nd
         components = list(fractions)
         fractions = list(fractions.values())
     if not components:
-        raise BadInput("components", "absent", "given, or a table of fractions by component")
+        bound = f"a table of fractions by component, or `components` given beside {key}"
+        raise BadInput(key, "a list without names", bound)
     names = tuple(map(component_name, components))
     fractions = np.asarray(fractions, float)
     if fractions.shape != (len(names),):

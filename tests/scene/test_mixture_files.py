@@ -68,6 +68,10 @@ def test_dew_points_of_a_gas_that_has_none_are_refused():
 def test_a_name_of_a_blend_is_for_its_composition():
     with pytest.raises(BadInput, match="R448A has another composition"):
         Mixture(name="R448A", mass_fractions={"R125": 0.44, "R143a": 0.52, "R134a": 0.04})
+    with pytest.raises(BadInput, match="R448A has another composition"):
+        Mixture(name="r448a", mass_fractions={"R32": 0.215, "R1234yf": 0.785})
+    with pytest.raises(BadInput, match="R22 is a pure fluid"):
+        Mixture(name="R22", mass_fractions={"R32": 0.215, "R1234yf": 0.785})
     # within what a charge may differ by
     assert Mixture(name=BLEND, mass_fractions={"R32": 0.22, "R1234yf": 0.78}).name == BLEND
 
