@@ -18,6 +18,7 @@ with temperatures in degrees Celsius and speeds in 1/s; the forms are those of `
 """
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -41,7 +42,7 @@ from ._settings import (
     span_setting,
     word_setting,
 )
-from ._table_text import TableText, cell_number, read_table_text
+from ._table_text import Head, TableText, cell_number, read_table_text
 from ._text import SceneError, reading
 from ._units import scale
 from .map_formats import read_energyplus, read_tespy
@@ -276,6 +277,7 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
     count = len(table.heads) - 2
     if count not in (10, 20, 30):
         raise SceneError("quantity", "must have 10, 20 or 30 coefficients behind it", max(count, 0))
+    _check_order(table.heads[2:])
     if not table.rows:
         problem = f"has no line below the heads; write one for each of {', '.join(MEASURED)}"
         raise SceneError("quantity", f"{problem} that was measured")
@@ -299,6 +301,24 @@ def _polynomial(name, metadata, table: TableText, evaporating, condensing, speed
         rows[quantity] = np.array(coefficients) * size
         rows[quantity][0] += zero  # the constant comes first in all forms
     return sampled(name, metadata, rows, evaporating, condensing, speed)
+
+
+def _check_order(heads: Sequence[Head]) -> None:
+    """Refuse coefficients in another order than that of their numbers, as C1 to C10 or c0 to c9.
+
+    Raises:
+        SceneError: their heads do not end in numbers that rise by one.
+    """
+    expected = None
+    for head in heads:
+        match = re.search(r"\d+$", head.name)
+        if match is None:
+            raise SceneError(head.name, "must be a coefficient with its number, such as C1")
+        number = int(match[0])
+        if expected is not None and number != expected:
+            problem = f"stands where C{expected} must: coefficients are read in their order"
+            raise SceneError(head.name, problem)
+        expected = number + 1
 
 
 def sampled(
@@ -376,7 +396,8 @@ def _ends(metadata: Mapping[str, str], key: str) -> tuple[float, float]:
     """[K] Range of a temperature in the metadata."""
     span = span_setting(metadata, key)
     if span is None:
-        problem = "has no range in the metadata; give the temperatures to take"
+        line = f"# {key} = -15 to 10 degC"
+        problem = f'has no range in the metadata, as "{line}"; give the temperatures to take'
         raise SceneError(key, problem, metadata.get(key))
     size, zero = _scale(key, span.unit or "degC")
     low = span.low * size + zero

@@ -276,6 +276,9 @@ POLYNOMIAL = (
         ("W,767.6", ",767.6", "line 7.unit: must be a unit"),
         ("power,W," + ",".join(map(repr, COEFFICIENTS["power"])) + "\n", "", "has no line"),
         (",C10", "", "must have 10, 20 or 30 coefficients|must have 11 cells"),
+        ("C2,C3", "C3,C2", "C3: stands where C2 must: coefficients are read in their order"),
+        ("C2,C3", "C2,S D", "S D: must be a coefficient with its number"),
+        ("-15 to 5 degC", "-15..5 degC", 'no range in the metadata, as "# evaporating = -15 to 10'),
     ],
 )
 def test_polynomials_that_have_no_points_are_refused(read, old, new, message):
