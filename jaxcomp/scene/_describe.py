@@ -8,6 +8,7 @@ outside is worth a second look, no more: it may be the slip of a unit or of a de
 import dataclasses
 import re
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -204,6 +205,30 @@ _FLOW: tuple[_Ratio, ...] = (
 )
 
 
+def _widest_hole(piping: Any) -> float:
+    """Widest sharp hole over the widest pipe at its nodes; 0 where there is none."""
+    widest = 0.0
+    for orifice in piping.orifices:
+        if orifice.diameter is None or orifice.loss_coefficient is not None:
+            continue
+        pipe_diameter = 0.0
+        for duct in piping.ducts:
+            ends_of_pipes = tuple(pairwise(duct.nodes))
+            diameters = np.broadcast_to(duct.diameter, (len(ends_of_pipes),))
+            for ends, diameter in zip(ends_of_pipes, diameters.tolist(), strict=True):
+                if set(ends) & set(orifice.nodes):
+                    pipe_diameter = max(pipe_diameter, diameter)
+        if pipe_diameter:
+            widest = max(widest, float(orifice.diameter) / pipe_diameter)
+    return widest
+
+
+# A hole without a loss coefficient that is wider than its pipe has no loss.
+_PIPING: tuple[_Ratio, ...] = (
+    ("diameter of an orifice over that of the widest pipe beside it", _widest_hole, 0.0, 1.0),
+)
+
+
 def implausible_values(scene: Scene) -> tuple[ImplausibleValue, ...]:
     """Unusual values of a machine file, in the order of its parts.
 
@@ -288,6 +313,8 @@ def _ratios_of(part: Part) -> tuple[_Ratio, ...]:
         return _CYCLE
     if getattr(part, "oscillator", None) is not None:
         return _VALVE
+    if getattr(part, "kind", "") == "piping":
+        return _PIPING
     return ()
 
 

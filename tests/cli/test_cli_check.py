@@ -336,6 +336,16 @@ def test_an_unbalance_of_another_machine_is_unusual(tmp_path):
     assert any("unbalance of a throw" in row["what"] for row in unusual)
 
 
+@pytest.mark.parametrize(("diameter", "shown"), [("60 mm", ""), ("100 mm", "is 1.25")])
+def test_a_hole_wider_than_its_pipe_is_unusual(diameter, shown):
+    """It has no loss, and the plate is as good as absent."""
+    hole = {"nodes": ["flange", "bottle"], "diameter": diameter}
+    scene = with_value(loads(start("pipes", "m")), "gas.suction.piping.orifices", [hole])
+    found = [row.what for row in implausible_values(scene) if "orifice" in row.what]
+    assert bool(found) == bool(shown)
+    assert all(shown in what for what in found)
+
+
 def test_check_tries_another_value():
     heavy = "check", "mayekawa-wbhe", "--set", "mechanism.piston_mass=2500kg"
     assert "mechanism.piston_mass: 2500kg, usual is" in invoke(*heavy).stdout
