@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,14 @@ def test_exit_codes_are_those_of_the_program():
     assert wrong.exit_code == 2
     assert wrong.stdout == ""
     assert re.fullmatch(r"error: .*did you mean \"mean_speed\"\?\n", wrong.stderr)
+
+
+def test_a_reader_that_leaves_early_ends_a_command_without_words():
+    command = [sys.executable, "-m", "jaxcomp", "list", "mayekawa-wbhe"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes) as process:
+        process.stdout.close()
+        assert (process.wait(), process.stderr.read()) == (1, b"")
 
 
 def test_check_answers_in_json_what_is_wrong(tmp_path):
