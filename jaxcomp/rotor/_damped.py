@@ -67,7 +67,7 @@ class DampedModes(Result, eqx.Module):
         yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
         yield Data("damping_ratio", "", self.damping_ratio, ("mode",))
         yield Data("whirl", "", self.whirl, ("mode",), "from 1, forward, to -1, backward")
-        yield from shapes(self.shape, "")
+        yield from shapes(self.shape, "", "")
 
     @property
     def frequency(self) -> Float[Array, " m"]:

@@ -126,7 +126,7 @@ class Modes(Result, eqx.Module):
     Attributes:
         square: [rad2/s2] (m,) eigenvalues w^2; negative where magnetic pull exceeds the stiffness, not a
             number if a number of the model is out of bounds, which only traced values can be.
-        shape: [1/sqrt(kg)] (m, nodes, dof) with unit modal mass.
+        shape: [1/sqrt(kg)], of rotations [1/(sqrt(kg) m)] (m, nodes, dof) with unit modal mass.
     """
 
     square: Array
@@ -138,7 +138,7 @@ class Modes(Result, eqx.Module):
         """The quantities of this result in SI units."""
         yield Data("mode", "", jnp.arange(1, self.square.shape[-1] + 1), ("mode",))
         yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
-        yield from shapes(self.shape, "1/kg^0.5")
+        yield from shapes(self.shape, "1/kg^0.5", "1/(kg^0.5 m)")
 
     @property
     def frequency(self) -> Float[Array, " m"]:
@@ -152,10 +152,13 @@ class Modes(Result, eqx.Module):
         return jnp.where(rigid, 0.0, jnp.sqrt(jnp.where(rigid, 1.0, self.square)))
 
 
-def shapes(shape: Array, unit: str) -> Iterator[Data]:
+def shapes(shape: Array, displacement_unit: str, rotation_unit: str) -> Iterator[Data]:
     """The coordinates of mode shapes (modes, nodes, dof), for tables and files."""
     dims = ("mode", "node_number")
     for number, axis in enumerate(AXES[shape.shape[-1]]):
+        unit = rotation_unit
+        if axis.startswith("u"):
+            unit = displacement_unit
         yield Data(f"shape.{axis}", unit, shape[..., number], dims)
 
 

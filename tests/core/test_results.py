@@ -325,6 +325,12 @@ def test_orbits_of_many_designs_are_one_data_set(orbit):
         many.columns()
 
 
+def test_rotations_of_mode_shapes_have_another_unit_than_displacements():
+    data = undamped_modes(rotor(), 4).to_xarray()
+    assert data["shape.uy"].attrs["units"] == "1/kg^0.5"
+    assert data["shape.thy"].attrs["units"] == "1/(kg^0.5 m)"
+
+
 def test_pictures_of_a_result_are_found_by_name(orbit):
     assert {"pv_diagram", "joint_forces", "loss_shares"} <= set(dir(orbit.plot))
     assert "by_number_of_cylinders" not in dir(orbit.plot)  # of several orbits
