@@ -214,7 +214,11 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
 
     For a slider-crank the torque in each pin and the force on the piston; for other mechanisms the
     torque that each joint takes from the crank.
+
+    Raises:
+        ValueError: no joint has friction.
     """
+    _check_friction(orbit)
     turn = fine_turn(compressor, orbit)
     curves = _friction_of_slider_crank(compressor, turn)
     if not curves:
@@ -308,7 +312,12 @@ def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
 
 @drawing
 def loss_shares(orbit: Orbit) -> Figure:
-    """Work lost in each joint, with its power and its share of all losses."""
+    """Work lost in each joint, with its power and its share of all losses.
+
+    Raises:
+        ValueError: no joint has friction.
+    """
+    _check_friction(orbit)
     losses = {name: float(loss) for name, loss in orbit.energy.losses.items()}
     losses = dict(sorted(losses.items(), key=lambda item: item[1]))
     total = sum(losses.values())
@@ -331,6 +340,11 @@ def loss_shares(orbit: Orbit) -> Figure:
     style.named_rows(ax, list(map(style.words, losses)), down=False)
     ax.set(xlim=(0, 1.45 * max([*losses.values(), 1e-12])), xlabel="Work lost, J per revolution")
     return figure
+
+
+def _check_friction(orbit: Orbit) -> None:
+    if not orbit.energy.losses:
+        raise ValueError("A picture of losses needs a joint with friction.")
 
 
 def _friction_of_slider_crank(compressor: Compressor, turn: FineTurn):

@@ -198,6 +198,10 @@ def test_absent_parts_have_no_picture():
     for picture in (orbit.plot.journal_paths, orbit.plot.journal_films_over_turn):
         with pytest.raises(ValueError, match="needs a journal with an oil film"):
             picture(bare)
+    with pytest.raises(ValueError, match="needs a joint with friction"):
+        joint_friction(bare, orbit)
+    with pytest.raises(ValueError, match="needs a joint with friction"):
+        loss_shares(orbit)
 
 
 def test_curves_close_at_both_ends():
