@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._core.arguments import single_number
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
@@ -107,12 +108,13 @@ def damped_modes(
         damping: false leaves out all damping, so that Im lambda are the whirl frequencies.
 
     Raises:
-        BadInput: more modes than degrees of freedom, or a speed that is not finite.
+        BadInput: more modes than degrees of freedom, several speeds, or one that is not finite.
     """
     if free:
         model = released(model)
+    spin_speed = single_number("spin_speed", spin_speed)
     check_request(model, count, spin_speed=spin_speed)
-    return on_cpu(_damped)(model, jnp.asarray(spin_speed, float), count, free, damping)
+    return on_cpu(_damped)(model, spin_speed, count, free, damping)
 
 
 def check_request(model: RotorModel | System, count: int, **speeds) -> None:

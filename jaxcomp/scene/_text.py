@@ -290,7 +290,7 @@ def _update(tables: Any, document: Mapping[str, Any]) -> None:
     """Make tables of tomlkit hold what a document holds, and touch nothing that agrees."""
     for key in list(tables):
         if key not in document:
-            tables.remove(key)
+            del tables[key]
     olds = tables.unwrap()
     for key, value in document.items():
         old = olds.get(key)

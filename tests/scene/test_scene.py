@@ -371,3 +371,12 @@ def test_a_command_does_not_import_what_it_does_not_use():
         "assert not {'pint', 'diffrax', 'optax', 'optimistix'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+def test_a_section_is_taken_away_from_a_table_in_several_places():
+    """Between `[crankshaft]` and `[crankshaft.main_journal]` the file has other sections."""
+    lean = with_value(load("mayekawa-wbhe"), "crankshaft.main_journal", None)
+    written = dump(lean)
+    assert "[crankshaft]" in written
+    assert "main_journal]" not in written
+    assert loads(written).compressor.crankshaft.main_journal is None

@@ -65,3 +65,5 @@ def test_what_is_missing_is_named(scene):
     for machine in (scene, scene.assembly.rotor):
         with pytest.raises(BadInput, match=r"`loads` must be .* speeds are named"):
             respond(machine, SPEEDS, SPEEDS)
+    with pytest.raises(BadInput, match="`spin_speed` must be one number"):
+        damped_modes(scene, SPEEDS)
