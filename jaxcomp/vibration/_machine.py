@@ -96,17 +96,18 @@ def respond(
     >>> motion.displacement.shape
     (1, 1, 63, 4)
     """
-    if loads is not None:
-        check_loads(loads)
     if isinstance(machine, RotorModel | System):
         if loads is None or spin_speeds is None:
             missing = "loads" if loads is None else "spin_speeds"
             raise BadInput(missing, "absent", "given, beside a rotor model")
+        check_loads(loads)
         return rotor.respond(
             machine, loads, spin_speeds, orders or excited_orders(loads), **options
         )
     assembly = _with_rotor(machine)
     assert assembly.rotor is not None
+    if loads is not None:
+        check_loads(loads)
     if spin_speeds is None:
         spin_speeds = own_speeds(assembly.balancing, assembly.compressor)
         if spin_speeds is None:
