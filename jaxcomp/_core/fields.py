@@ -432,6 +432,11 @@ def is_traced(value: Any) -> bool:
     return isinstance(value, Tracer)
 
 
+def is_any_traced(*trees: Any) -> bool:
+    """Whether any number of these structures is known only as a symbol."""
+    return any(is_traced(leaf) for leaf in jax.tree.leaves(trees))
+
+
 def strongly_typed(leaf: Any) -> Any:
     """A leaf of a structure; a weakly typed array with its type made definite.
 

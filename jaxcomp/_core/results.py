@@ -24,7 +24,7 @@ import numpy as np
 
 from .display import shown
 from .errors import BadInput
-from .fields import is_traced
+from .fields import is_any_traced
 from .files import regular, write_whole
 from .nested import Table, merged, plain, units_table, with_units
 from .saved import UnknownClass, from_json, to_json
@@ -256,7 +256,7 @@ class Result:
         return f"<p><b>{escape(self._title())}</b></p><table>{cells}</table>"
 
     def _is_traced(self) -> bool:
-        return any(is_traced(leaf) for leaf in jax.tree.leaves(self))
+        return is_any_traced(self)
 
     def _checked(self) -> list[Data]:
         if self._is_traced():

@@ -14,7 +14,7 @@ from jax import lax
 
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
-from .._core.fields import admissible, clipped, is_traced, replaced
+from .._core.fields import admissible, clipped, is_any_traced, is_traced, replaced
 from .._core.roots import frozen
 from .._core.status import SolveFailed, Status, ended_in
 from ..compressor import Compressor, HasCompressor, compressor_of
@@ -91,7 +91,7 @@ def solve_orbit(
     if solver is None:
         solver = default_collocation(compressor)
     values = frozen(compressor)
-    if any(is_traced(leaf) for leaf in jax.tree.leaves(values)):
+    if is_any_traced(values):
         # within a program that is traced anyway, one of its own would be traced twice for derivatives
         orbit = _solve_traced(compressor, solver)
         if throw and orbit.cycle is not None:
@@ -129,7 +129,7 @@ def _orbit_outside(compressor: Compressor, values: Compressor, solver, throw: bo
         solver: of the orbit.
         throw: raise if no periodic state was found.
     """
-    with_derivatives = any(is_traced(leaf) for leaf in jax.tree.leaves(compressor))
+    with_derivatives = is_any_traced(compressor)
     if not isinstance(compressor.gas, Cylinder):
         orbit = _solve_compiled(compressor, solver)
         if throw:

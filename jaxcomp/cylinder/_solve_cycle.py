@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.each import stacked
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import admissible, clipped, is_traced, strongly_typed
+from .._core.fields import admissible, clipped, is_any_traced, strongly_typed
 from .._core.one_by_one import one_by_one
 from .._core.polynomials import gauss
 from .._core.roots import frozen
@@ -82,7 +82,7 @@ def solve_cycle(
     # under `grad` alone these are plain numbers, and the size can follow from the machine; under
     # `jit` and `vmap` they are not
     values = frozen(machine)
-    if any(is_traced(leaf) for leaf in jax.tree.leaves((values, pace, start))):
+    if is_any_traced(values, pace, start):
         cycle = _solved_if_admissible(*machine, options, pace, start)
         if throw:
             raise_where_unsolved(cycle, options)
@@ -101,7 +101,7 @@ def solve_cycle(
         cycle = solve(options)
     if throw and not np.all(ended_in(cycle.status, Status.converged)):
         raise SolveFailed(cycle.status, evidence(cycle, options))
-    if not any(is_traced(leaf) for leaf in jax.tree.leaves(machine)):
+    if not is_any_traced(machine):
         return cycle
     if cycle.solver == "march":
         return _solved_if_admissible(*machine, options, pace, None)  # refuses by name

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import is_traced
+from .._core.fields import is_any_traced
 from .._core.progress import progress_of, watched
 from .._core.results import Result, reading
 from ._blocks import lu_factor, lu_solve
@@ -46,8 +46,7 @@ def campbell(
     """
     check_request(model, count, spin_speeds=spin_speeds)
     spin_speeds = jnp.asarray(spin_speeds, float)
-    traced = any(is_traced(leaf) for leaf in jax.tree.leaves((model, spin_speeds)))
-    if traced or not spin_speeds.size:
+    if is_any_traced(model, spin_speeds) or not spin_speeds.size:
         return _campbell(model, spin_speeds, count, damping)
     # By the program of a single speed, so that the time that is left can be told; a loop within a
     # program takes as long.

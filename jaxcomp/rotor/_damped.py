@@ -24,7 +24,7 @@ from .._core.arguments import single_number
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
-from .._core.fields import is_traced
+from .._core.fields import is_any_traced, is_traced
 from .._core.results import Data, Result
 from ._conventions import from_planes
 from ._layout import layout_of
@@ -139,7 +139,7 @@ def on_cpu(function):
 
     def run(*args):
         # traced values lie on no device yet: where they will is up to the program that traces them
-        if any(is_traced(leaf) for leaf in jax.tree.leaves(args)):
+        if is_any_traced(args):
             return function(*args)
         cpu = jax.local_devices(backend="cpu")[0]
         move = lambda leaf: jax.device_put(leaf, cpu) if eqx.is_array(leaf) else leaf  # noqa: E731

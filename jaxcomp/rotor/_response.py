@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Complex, Float
 
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
-from .._core.fields import is_traced
+from .._core.fields import is_any_traced, is_traced
 from .._core.results import Data, Result
 from ._conventions import AXES, from_planes, to_planes
 from ._layout import layout_of
@@ -28,7 +28,7 @@ from ._operator import link_force, operator_at, reactions
 from ._prepare import prepare
 from ._shaft import Node
 from ._solve import OK, Solver, make_solver, status_words
-from ._speed_lists import filled, is_any_traced, without_filling
+from ._speed_lists import filled, without_filling
 from ._system import System, bare, collect, follow
 
 

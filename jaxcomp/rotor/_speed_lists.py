@@ -4,21 +4,14 @@ A program is compiled for one shape. Only a call outside of `jit`, `vmap` and `g
 them the shape is that of the user's own program, which padding would slow down and spare nothing.
 """
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.fields import is_traced
-
 _Tree = TypeVar("_Tree")
-
-
-def is_any_traced(*trees: Any) -> bool:
-    """Whether any number of these is known only as a symbol."""
-    return any(is_traced(leaf) for leaf in jax.tree.leaves(trees))
 
 
 def filled_length(count: int, batch_size: float = np.inf) -> int:

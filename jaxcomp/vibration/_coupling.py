@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import maximum
-from .._core.fields import rebuilt, replaced
+from .._core.fields import is_any_traced, rebuilt, replaced
 from .._core.words import one_of
 from ..compressor import Compressor, at_speed
 from ..crank import Collocation, Orbit, journal_films, solve_orbit
@@ -30,7 +30,7 @@ from ..mechanism import SliderLink, Vector
 from ..motor import ConstantSpeed
 from ..rotor import ConstantLaw, LoadedFilm, PeriodicForce, RotorModel, SpeedTable, Unbalances
 from ..rotor._crankshaft_of_rotor import main_films
-from ..rotor._speed_lists import filled_length, is_any_traced
+from ..rotor._speed_lists import filled_length
 from ._crank_forces import crank_forces
 from ._pipe_forces import pipe_loads
 

@@ -15,13 +15,14 @@ from jaxtyping import Array, Float
 from .. import rotor
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
+from .._core.fields import is_any_traced
 from ..compressor import Compressor
 from ..machine import Assembly, HasMachine, Machine, assembly_of
 from ..rotor import BalancingPlanes, Loads, Modes, PeriodicForce, Response, RotorModel
 from ..rotor._campbell import critical_speeds_between
 from ..rotor._loads import check_loads
 from ..rotor._solve import NO_CRANK
-from ..rotor._speed_lists import filled, is_any_traced, without_filling
+from ..rotor._speed_lists import filled, without_filling
 from ..rotor._system import System
 from ._coupling import crank_loads, loaded_rotor, running_rotor
 
