@@ -114,14 +114,14 @@ class _Keyed:
         """A part of the result with units in its keys."""
         if isinstance(value, list | tuple):
             return [self.of(entry, table) for entry in value]
-        if not isinstance(value, dict):
+        if not isinstance(value, dict) or isinstance(value, _New):
             return value
         out = {}
         if isinstance(value, _OfResult):
             table = value.units
         for key, inner in value.items():
             note = table.get(key, table.get("*", {}))
-            if isinstance(inner, _OfResult):
+            if isinstance(inner, _OfResult | _New):
                 note = {}  # it brings its own units
             if note is NAMED and not isinstance(inner, dict):  # names stand beside each other
                 note = self._unit(key)
@@ -162,16 +162,43 @@ class _Keyed:
 
 
 # ------------------------------------------------------------------- making of nested numbers
+def unkeyed(keyed: Any) -> Any:  # TRANSITION
+    if isinstance(keyed, list):
+        return [unkeyed(entry) for entry in keyed]
+    if not isinstance(keyed, dict):
+        return keyed
+    from .declared import Measured
+
+    tree = {}
+    for key, entry in keyed.items():
+        match = re.fullmatch(r"(.*) \[(.*)\]", str(key))
+        if match:
+            tree[match[1]] = Measured(unkeyed(entry), match[2])
+        else:
+            tree[key] = unkeyed(entry)
+    return tree
+
+
+class _New(dict):  # TRANSITION
+    pass
+
+
 def plain(value: Any) -> Any:
     """Lists, dictionaries and numbers for JSON; of complex numbers the magnitudes.
 
     A number that is not finite becomes `None`; a result, and a tuple with named fields, a dictionary.
     """
+    from . import declared
+
+    if isinstance(value, declared.Declared) and not hasattr(value, "nested"):  # TRANSITION
+        return _New(declared.with_units(declared.tree_of(value)))
     if hasattr(value, "nested"):
         return _OfResult(plain(value.nested()), value.units_of_nested())
     # before lists and tuples: one with named fields is a tuple as well
     if hasattr(value, "_asdict"):
         value = value._asdict()
+    if isinstance(value, _New | _OfResult):
+        return value
     if isinstance(value, dict):
         return {key: plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

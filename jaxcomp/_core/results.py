@@ -5,13 +5,12 @@ the fields themselves, so that a result that is loaded equals the one that was s
 """
 
 import csv
-import dataclasses
 import importlib
 import inspect
 import io
 import json
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
@@ -22,11 +21,12 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from .declared import Declared, Note, Record, declarations, tree_of, with_units, without_units
 from .display import shown
 from .errors import BadInput
 from .fields import is_any_traced
 from .files import regular, write_whole
-from .nested import Table, merged, plain, units_table, with_units
+from .nested import Table, merged, units_table
 from .saved import UnknownClass, from_json, to_json
 from .status import Status
 from .words import hint
@@ -70,26 +70,7 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def reading(unit: str, *dims: str, doc: str = "", **options: Any) -> Any:
-    """Declare a field of a result, which `Result.described` has with this unit and these dimensions.
-
-    Args:
-        unit, dims, doc: as in `Data`.
-        options: of `equinox.field`, such as a `default`.
-    """
-    return eqx.field(metadata={"reading": (unit, dims, doc)}, **options)
-
-
-def readings_of(result: Any) -> dict[str, Any]:
-    """Values [SI] by name of the fields that a result declares by `reading`."""
-    readings = {}
-    for field in dataclasses.fields(result):
-        if "reading" in field.metadata:
-            readings[field.name] = getattr(result, field.name)
-    return readings
-
-
-class Result:
+class Result(Declared):
     """Base of results: everything that they can do beside holding their numbers."""
 
     __slots__ = ()
@@ -102,12 +83,27 @@ class Result:
     nested_units: ClassVar[str] = ""
 
     def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units: of the fields that `reading` declares."""
-        for field in dataclasses.fields(self):  # pyright: ignore[reportArgumentType]
-            values = getattr(self, field.name)
-            if "reading" in field.metadata and values is not None:
-                unit, dims, doc = field.metadata["reading"]
-                yield Data(field.name, unit, values, dims, doc)
+        """The quantities of this result in SI units: those that it declares."""
+        return self.data_of(*declarations(type(self)))
+
+    def data_of(
+        self, *names: str, dims: tuple[str, ...] | None = None, **renamed: str
+    ) -> Iterator[Data]:
+        """Declared numbers by the names of their fields, but for those that are `None`.
+
+        Args:
+            names: of the fields.
+            dims: dimensions, where those of the declaration are others in the table.
+            renamed: names of further fields, by the names that they get.
+        """
+        declared = declarations(type(self))
+        fields = {declared[name].key or name: name for name in names} | renamed
+        for key, name in fields.items():
+            unit, declared_dims, doc = declared[name][:3]
+            values = getattr(self, name)
+            # a word has no unit, and that of a note stands elsewhere
+            if unit is not None and not isinstance(unit, Note) and values is not None:
+                yield Data(key, unit, values, declared_dims if dims is None else dims, doc)
 
     def columns(self) -> dict[str, np.ndarray]:
         """The curves or rows of this result by name and SI unit, each with shape (rows,).
@@ -159,27 +155,26 @@ class Result:
                 numbers[data.header] = _finite(values)
         return numbers
 
-    def nested(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """Numbers [SI] and words by name, nested where they belong together.
 
-        The names are stable; new ones may join them. Where a class does not nest, as `to_dict`.
+        The names are stable; new ones may join them.
         """
-        return self.to_dict()
+        return without_units(tree_of(self))
 
     @classmethod
     def units_of_nested(cls) -> Table:
         """The unit of every number of `nested`."""
         units = {}
-        for field in dataclasses.fields(cls):  # pyright: ignore[reportArgumentType]
-            if "reading" in field.metadata:
-                units[field.name] = field.metadata["reading"][0]
+        for name, declaration in declarations(cls).items():
+            if declaration.unit is not None:
+                units[name] = declaration.unit
         return merged(units, units_table(cls.nested_units))
 
     def to_json(self) -> str:
-        """The text that a command prints with `--json`: `nested`, with the SI unit in each key."""
-        keyed = with_units(plain(self.nested()), self.units_of_nested())
-        # JSON has no NaN: `plain` has replaced it, and one that it missed raises here
-        return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=False)
+        """The text that a command prints with `--json`: `entries`, with the SI unit in each key."""
+        # JSON has no NaN: `tree_of` has replaced it, and one that it missed raises here
+        return json.dumps(with_units(tree_of(self)), indent=2, allow_nan=False, ensure_ascii=False)
 
     def to_pandas(self) -> "pandas.DataFrame":
         """The curves or rows of this result as a table; see `columns`."""
@@ -316,6 +311,22 @@ class Result:
                 low = look.number(float(good.min()))
                 high = look.number(float(good.max()))
                 yield look.words, f"{low} to {high} {look.units}".strip() + shape
+
+
+def columns_of(records: Sequence[Record], *dims: str) -> Iterator[Data]:
+    """Declared numbers and words of records as columns, with a row for each record."""
+    if not records:
+        return
+    for name, declaration in declarations(type(records[0])).items():
+        values = [getattr(record, name) for record in records]
+        if declaration.kind is not None or isinstance(declaration.unit, Note):
+            continue
+        column = np.array(values)
+        if declaration.unit is not None:
+            # what one of them lacks is no number
+            column = np.array(values, float)
+        key = declaration.key or name
+        yield Data(key, declaration.unit or "", column, dims, declaration.doc)
 
 
 class Plots:

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
+from .._core.declared import tree_of, with_units, without_units
 from .._core.interrupts import words_when_stopped
-from .._core.nested import Table, merged, plain, with_units
+from .._core.nested import with_units as with_units_old
 from ._options import AsJson, Force, Out, OutWithoutScene
 from ._start import CommandError, command_line, command_name, show_error, waiting
 from ._units import beside_of, table_of
@@ -82,10 +83,10 @@ class Output:
             metadata: what stands in JSON in front of the numbers, as the name of the machine; results
                 among it are nested under their names.
         """
-        numbers, units = _numbers_and_units(result, metadata or {})
-        shown = list(tables(numbers))
+        tree = _tree_of_command(result, metadata or {})
+        shown = list(tables(without_units(tree)))
         if self.as_json:
-            print_json(numbers, units)
+            print_json(tree)
         else:
             print_tables(shown)
         if self.out is None:
@@ -96,11 +97,10 @@ class Output:
             contents = result_files(
                 self.out.name,
                 figures(),
-                numbers,
+                tree,
                 scene=scene,
                 tables=shown,
                 curves=columns,
-                units=units,
                 texts=files(),
             )
             write_results_of_command(self.out, contents, self.force)
@@ -108,14 +108,15 @@ class Output:
             print_line(f"{written} are in {self.out}")
 
 
-def _numbers_and_units(result: Any, metadata: Mapping[str, Any]) -> tuple[dict[str, Any], Table]:
-    """Plain numbers of a command, and the units of their keys."""
+def _tree_of_command(result: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of a command with their units, as of `tree_of`."""
+    from .._core import nested as old  # TRANSITION
+
     command = command_name()
     if isinstance(result, Mapping):
-        return plain({**metadata, **result}), table_of(command)
-    return plain({**metadata, **result.nested()}), merged(
-        beside_of(command), result.units_of_nested()
-    )
+        return old.unkeyed(with_units_old(old.plain({**metadata, **result}), table_of(command)))
+    entries = old.unkeyed(with_units_old(old.plain({**metadata}), beside_of(command)))
+    return {**entries, **tree_of(result)}
 
 
 def header(scene: "Scene") -> dict[str, Any]:
@@ -183,7 +184,6 @@ def result_files(
     scene: "Scene | None" = None,
     tables: Iterable[Any] = (),
     curves: Mapping[str, Mapping[str, Any]] | None = None,
-    units: Table | None = None,
     texts: Mapping[str, str] | None = None,
 ) -> dict[str, bytes]:
     """Contents of the files of a command by their names.
@@ -195,11 +195,10 @@ def result_files(
     Args:
         title: of that page.
         figures: figures of matplotlib, or the bytes of a GIF, by name.
-        result: plain numbers and words.
+        result: numbers and words, as of `tree_of`.
         scene: as in `Output.emit`.
         tables: for `rich`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
-        units: as in `json_text`.
         texts: of further files, by name.
     """
     from .._core.results import csv_text
@@ -215,13 +214,13 @@ def result_files(
             image = io.BytesIO()
             figure.savefig(image, dpi=150)
             contents[f"{name}.png"] = image.getvalue()
-    contents["result.json"] = f"{json_text(result, units)}\n".encode()
+    contents["result.json"] = f"{json_text(result)}\n".encode()
     for name, columns in (curves or {}).items():
         contents[f"{name}.csv"] = csv_text(dict(columns)).encode()
     if find_spec("openpyxl"):
         from ._spreadsheet import workbook
 
-        contents["results.xlsx"] = workbook(_with_units(result, units), curves or {})
+        contents["results.xlsx"] = workbook(with_units(result), curves or {})
     if scene is not None:
         contents["machine.toml"] = dump(scene).encode()
     # moving pictures have no hover and no zoom
@@ -230,7 +229,9 @@ def result_files(
         from ..plot._interactive import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()
-    page = report(result, tables, figures, scene, Provenance.of_this_process(command_line()))
+    page = report(
+        without_units(result), tables, figures, scene, Provenance.of_this_process(command_line())
+    )
     contents["report.html"] = page.encode()
     for name, text in (texts or {}).items():
         contents[name] = text.encode()
@@ -240,7 +241,7 @@ def result_files(
 def show_results(result: dict[str, Any], tables: Iterable[Any], as_json: bool) -> None:
     """Print one JSON object of what may become plain numbers and words, or the tables."""
     if as_json:
-        print_json(plain(result))
+        print_json(tree_of(result))
     else:
         print_tables(tables)
 
@@ -283,28 +284,17 @@ def print_tables(tables: Iterable[Any]) -> None:
 
 
 # ------------------------------------------------------------------- JSON
-def json_text(
-    result: dict[str, Any], units: Table | None = None, *, ascii_only: bool = False
-) -> str:
+def json_text(tree: dict[str, Any], *, ascii_only: bool = False) -> str:
     """One JSON object; a number that is not finite would be a fault and is refused.
 
     Args:
-        result: plain numbers and words.
-        units: of its keys; those of the command in `_units.py` if absent.
+        tree: numbers and words, as of `tree_of`.
         ascii_only: whether other signs are written as escapes.
     """
-    keyed = _with_units(result, units)
-    return json.dumps(keyed, indent=2, allow_nan=False, ensure_ascii=ascii_only)
+    return json.dumps(with_units(tree), indent=2, allow_nan=False, ensure_ascii=ascii_only)
 
 
-def _with_units(result: dict[str, Any], units: Table | None) -> dict[str, Any]:
-    """Plain numbers with their units in their keys; those of the command if none are given."""
-    if units is None:
-        units = table_of(command_name())
-    return with_units(result, units)
-
-
-def print_json(result: dict[str, Any], units: Table | None = None) -> None:
+def print_json(tree: dict[str, Any]) -> None:
     """Print one JSON object on standard output, in ASCII where that takes no other signs."""
     utf = (sys.stdout.encoding or "").lower().startswith("utf")
-    typer.echo(json_text(result, units, ascii_only=not utf))
+    typer.echo(json_text(tree, ascii_only=not utf))

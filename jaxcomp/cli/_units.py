@@ -98,7 +98,10 @@ def table_of(command: str) -> Table:
     table = beside_of(command)
     for name in _RESULTS.get(command, ()):
         key, _, name = name.rpartition(": ")
-        units = attrgetter(name)(jc).units_of_nested()
+        kind = attrgetter(name)(jc)
+        if not hasattr(kind, "nested"):
+            continue
+        units = kind.units_of_nested()
         if key:
             units = {key: units}
         table = merged(table, units)
@@ -118,5 +121,23 @@ def results_schema() -> dict[str, Any]:
         "title": "Results of jaxcomp",
         "description": "What commands print with --json and write to result.json, each under its name. "
         "Numbers are in SI units; a key has the unit behind it, in brackets.",
-        "$defs": {name: schema_of(table_of(name)) for name in COMMANDS} | SCHEMAS,
+        "$defs": {name: _schema_of_command(name) for name in COMMANDS} | SCHEMAS,
     }
+
+
+def _schema_of_command(name: str) -> dict[str, Any]:  # TRANSITION
+    from .._core import declared
+
+    document = schema_of(table_of(name))
+    for entry in _RESULTS.get(name, ()):
+        key, _, path = entry.rpartition(": ")
+        kind = attrgetter(path)(jc)
+        if hasattr(kind, "nested"):
+            continue
+        if key:
+            document["properties"][key] = declared._listed(declared.schema_of(kind))
+        else:
+            own = declared.schema_of(kind)
+            document["properties"] |= own["properties"]
+            document["patternProperties"] |= own["patternProperties"]
+    return document

@@ -12,11 +12,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._core.declared import reading
 from .._core.each import of_cylinder
 from .._core.exported import kept_jit
 from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.polynomials import Rule, gauss
-from .._core.results import Result, reading
+from .._core.results import Result
 from ..compressor import Compressor
 from ..crankshaft._bearings import film_journals
 from ..film import AbstractSolvedFilm, JournalBearing, minimum_film
@@ -100,7 +101,7 @@ class JournalFilm(Result, eqx.Module):
     steady_film: Float[Array, ""] = reading("m")
     steady_loss: Float[Array, ""] = reading("W")
     duration: Float[Array, " n"] = reading("s", "node")
-    contact_load: Float[Array, " n"] = reading("N", "node")
+    contact_load: Float[Array, " n"] = reading("N", "node", doc="along the line of centres")
     contact_loss: Float[Array, " n"] = reading("W", "node")
     mean_contact_loss: Float[Array, ""] = reading("W")
 

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
+from .._core.declared import reading
 from .._core.each import mapped
 from .._core.exported import kept_jit
 from .._core.extremes import clip
 from .._core.fields import rebuilt
-from .._core.results import Data, Result, reading
+from .._core.results import Data, Result
 from .._core.roots import AbstractFixedPoint, fixed_point, frozen, settle
 from .._core.status import Status
 from ..compressor import Compressor

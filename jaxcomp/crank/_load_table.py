@@ -9,7 +9,7 @@ import dataclasses as dc
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,15 +18,15 @@ from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
 from .._core.arguments import single_number
+from .._core.declared import computed, computed_part, computed_word, forwarded, reading
 from .._core.errors import BadInput
 from .._core.fields import rebuilt
-from .._core.nested import fields_of
 from .._core.polynomials import cubics, gauss
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from .._core.words import one_of
 from ..film import JournalBearing
-from ..film._bearing import SIZES, sizes_of, squeeze_of
+from ..film._bearing import BearingSizes, sizes_of, squeeze_of
 from ._films import JournalFilm, roughness_of
 from ._journal_orbit import journal_orbit
 
@@ -291,65 +291,79 @@ class LoadedJournal(Result, eqx.Module):
 
     bearing: JournalBearing
     table: LoadTable
-    speed: Float[Array, ""]
-    angle: Float[Array, " n"]
+    speed: Float[Array, ""] = reading("rad/s", doc="of the crank")
+    angle: Float[Array, " n"] = reading("rad", "angle", doc="of the crank", table_only=True)
     load: Float[Array, "2 n"]
     position: Float[Array, "2 n"]
     film: JournalFilm
-    minimum_film_angle: Float[Array, ""]
-    table_error: Float[Array, ""]
+    minimum_film_angle: Float[Array, ""] = reading("rad")
+    table_error: Float[Array, ""] = reading("m", doc="of the interpolation, estimated")
     status: Status
 
     table_dims: ClassVar[tuple[str, ...]] = ("angle",)
-    nested_units: ClassVar[str] = f"""{SIZES}
-        speed [rad/s]; minimum_film, film_error, table_error, steady_film [m]; peak_pressure [Pa]
-        table_period, minimum_film_angle [rad]; mean_side_flow [m^3/s]; temperature_rise_of_oil [K]
-        mean_loss, mean_shear_loss, mean_squeeze_loss, mean_contact_loss [W]; thin_share
-    """
 
-    def nested(self) -> dict[str, Any]:
-        """The bearing, how the table was read, and the results of a period."""
-        numbers = {
-            quantity.name: quantity.values for quantity in self.described() if not quantity.dims
-        }
-        limits = {"limits": squeeze_of(self.bearing).limits}
-        table = fields_of(self.table, "frame", "between")
-        return limits | table | sizes_of(self.bearing) | numbers
+    minimum_film = forwarded(JournalFilm, "film.minimum_film")
+    film_error = forwarded(JournalFilm, "film.film_error", doc="of the solution, estimated")
+    peak_pressure = forwarded(JournalFilm, "film.largest_pressure")
+    mean_shear_loss = forwarded(JournalFilm, "film.mean_shear_loss")
+    mean_squeeze_loss = forwarded(JournalFilm, "film.mean_squeeze_loss")
+    mean_contact_loss = forwarded(JournalFilm, "film.mean_contact_loss", doc="by surfaces that rub")
+    mean_side_flow = forwarded(JournalFilm, "film.mean_flow")
+    temperature_rise_of_oil = forwarded(JournalFilm, "film.temperature_rise")
+    thin_share = forwarded(JournalFilm, "film.thin_share", doc="of the time below `thin_film`")
+    steady_film = forwarded(JournalFilm, "film.steady_film", doc="smallest of the loads at rest")
+
+    @computed_word()
+    def limits(self) -> str:
+        """What the film leaves out."""
+        return squeeze_of(self.bearing).limits
+
+    @computed_word()
+    def frame(self) -> str:
+        """Axes of the table."""
+        return self.table.frame
+
+    @computed_word()
+    def between(self) -> str:
+        """Interpolation between the points of the table."""
+        return self.table.between
+
+    @computed_part(BearingSizes, inline=True)
+    def sizes(self) -> BearingSizes:
+        """Dimensions, viscosity, film and contact of the bearing."""
+        return sizes_of(self.bearing)
+
+    @computed("rad")
+    def table_period(self) -> np.ndarray:
+        """[rad] Period of the table."""
+        return np.asarray(self.table.period)
+
+    @computed("W")
+    def mean_loss(self) -> Float[Array, ""]:
+        """[W] Mean loss of the film and of surfaces that rub."""
+        film = self.film
+        return film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         film = self.film
         at = self.table_dims
-        yield Data("speed", "rad/s", self.speed, doc="of the crank")
-        yield Data("table_period", "rad", np.asarray(self.table.period))
-        yield Data("minimum_film", "m", film.minimum_film)
-        yield Data("minimum_film_angle", "rad", self.minimum_film_angle)
-        yield Data("film_error", "m", film.film_error, doc="of the solution, estimated")
-        yield Data("table_error", "m", self.table_error, doc="of the interpolation, estimated")
-        yield Data("peak_pressure", "Pa", film.largest_pressure)
-        parts = film.mean_shear_loss, film.mean_squeeze_loss, film.mean_contact_loss
-        yield Data("mean_loss", "W", sum(parts))
-        yield Data("mean_shear_loss", "W", film.mean_shear_loss)
-        yield Data("mean_squeeze_loss", "W", film.mean_squeeze_loss)
-        yield Data("mean_contact_loss", "W", film.mean_contact_loss, doc="by surfaces that rub")
-        yield Data("mean_side_flow", "m^3/s", film.mean_flow)
-        yield Data("temperature_rise_of_oil", "K", film.temperature_rise)
-        yield Data("thin_share", "", film.thin_share, doc="of the time below `thin_film`")
-        yield Data("steady_film", "m", film.steady_film, doc="smallest of the loads at rest")
-        yield Data("angle", "rad", self.angle, at, "of the crank")
+        yield from self.data_of("speed", "table_period", "minimum_film", "minimum_film_angle")
+        yield from self.data_of("film_error", "table_error", "peak_pressure", "mean_loss")
+        yield from self.data_of("mean_shear_loss", "mean_squeeze_loss", "mean_contact_loss")
+        yield from self.data_of("mean_side_flow", "temperature_rise_of_oil")
+        yield from self.data_of("thin_share", "steady_film", "angle")
         for n, axis in enumerate("xy"):
             yield Data(f"W_{axis}", "N", self.load[n], at, "load, in the axes of the table")
             yield Data(
                 f"e_{axis}", "", self.position[n], at, "position over the clearance, likewise"
             )
-        yield Data("film_thickness", "m", film.thickness, at)
-        yield Data("film_pressure", "Pa", film.pressure, at)
-        yield Data("side_flow", "m^3/s", film.flow, at)
-        yield Data("shear_loss", "W", film.shear_loss, at)
-        yield Data("squeeze_loss", "W", film.squeeze_loss, at)
+        yield from film.data_of(
+            film_thickness="thickness", film_pressure="pressure", side_flow="flow", dims=at
+        )
+        yield from film.data_of("shear_loss", "squeeze_loss", dims=at)
         if self.bearing.contact is not None:
-            yield Data("contact_load", "N", film.contact_load, at, "along the line of centres")
-            yield Data("contact_loss", "W", film.contact_loss, at)
+            yield from film.data_of("contact_load", "contact_loss", dims=at)
 
 
 def loaded_journal(

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 
+from .._core.declared import Record, reading, word
 from .._core.errors import BadInput
 from .._core.fields import POSITIVE, quantity
-from .._core.nested import fields_of
 from ._contact import LEAST_CLEARANCE, AsperityContact, MixedFilm, MixedSqueeze, RingContact
 from ._film import REST_SPEED, AbstractFilm, AbstractSolvedFilm, Scalar, film_ratio, smooth_speed
 from ._parts import AbstractJournal, check_oil, oil_viscosity, within
@@ -52,9 +52,9 @@ _FILMS = {
 
 
 def _word(film: str | type[AbstractFilm]) -> str:
-    for word, models in _FILMS.items():
-        if film in (word, models.steady):
-            return word
+    for name, models in _FILMS.items():
+        if film in (name, models.steady):
+            return name
     raise BadInput("film", str(film), f"one of {', '.join(_FILMS)}")
 
 
@@ -263,22 +263,33 @@ def contact_moment(
     return unit * speed * film.rubbing(x)
 
 
-# Units of `sizes_of`.
-SIZES = """
-    length, diameter, clearance, contact_roughness [m]; viscosity [Pa s]; contact_modulus [Pa]
-    lands, contact_coefficient, contact_elastic_factor
-"""
-
-
-def sizes_of(bearing: JournalBearing) -> dict[str, Any]:
+class BearingSizes(Record, eqx.Module):
     """Dimensions, viscosity, film and contact of a bearing, as results show them."""
+
+    film: str = word(static=True)
+    lands: Any = reading("")
+    length: Any = reading("m")
+    diameter: Any = reading("m")
+    clearance: Any = reading("m")
+    viscosity: Any = reading("Pa s")
+    contact_roughness: Any = reading("m", optional=True, default=None)
+    contact_modulus: Any = reading("Pa", optional=True, default=None)
+    contact_coefficient: Any = reading("", optional=True, default=None)
+    contact_elastic_factor: Any = reading("", optional=True, default=None)
+
+
+def sizes_of(bearing: JournalBearing) -> BearingSizes:
+    """Sizes of a bearing for a result."""
     contact = vars(bearing.contact) if bearing.contact else {}
-    return {
-        **fields_of(bearing, "film", "lands", "length", "diameter"),
-        "clearance": bearing.radial_clearance,
-        "viscosity": bearing.dynamic_viscosity,
+    return BearingSizes(
+        film=bearing.film,
+        lands=bearing.lands,
+        length=bearing.length,
+        diameter=bearing.diameter,
+        clearance=bearing.radial_clearance,
+        viscosity=bearing.dynamic_viscosity,
         **{f"contact_{name}": value for name, value in contact.items()},
-    }
+    )
 
 
 def squeeze_of(bearing: JournalBearing) -> AbstractSqueeze:

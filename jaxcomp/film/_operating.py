@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.nested import Table, fields_of, merged
-from .._core.results import Data, Result, reading, readings_of
+from .._core.declared import computed, computed_part, computed_word, forwarded, reading
+from .._core.results import Data, Result
 from ._bearing import (
-    SIZES,
+    BearingSizes,
     JournalBearing,
     contact_moment,
     film_at,
@@ -125,38 +125,46 @@ class SteadyBearing(Result):
     """
 
     bearing: JournalBearing
-    load: float
-    speed: float
+    load: float = reading("N")
+    speed: float = reading("rad/s")
     point: OperatingPoint
     field: PressureField | None
 
     table_dims: ClassVar[tuple[str, ...]] = _AXES
-    nested_units: ClassVar[str] = f"""{SIZES}
-        load [N]; speed [rad/s]; friction_power [W]; peak_pressure [Pa]; side_flow [m^3/s]
-        length_ratio, clearance_ratio
-    """
 
-    @classmethod
-    def units_of_nested(cls) -> Table:
-        """The unit of every number of `nested`."""
-        return merged(OperatingPoint.units_of_nested(), super().units_of_nested())
+    @computed_word()
+    def limits(self) -> str:
+        """What the film model leaves out."""
+        return self.bearing.model.limits
 
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units; `field` has those of the film."""
-        yield Data("load", "N", self.load)
-        yield Data("speed", "rad/s", self.speed)
-        yield from self.point.described()
-        if self.field is not None:
-            yield Data("peak_pressure", "Pa", self.field.peak_pressure)
-            yield Data("side_flow", "m^3/s", self.field.side_flow, doc="through both ends")
+    @computed_word()
+    def frame(self) -> str:
+        """Axes of stiffness and damping."""
+        return _FRAME
 
-    def nested(self) -> dict[str, Any]:
-        """The bearing with load and speed, and its operating point.
+    @computed_part(BearingSizes, inline=True)
+    def sizes(self) -> BearingSizes:
+        """Dimensions, viscosity and film of the bearing."""
+        return sizes_of(self.bearing)
 
-        A number that the model does not give, or that is infinite (the Sommerfeld number at no load),
-        is `None`, and so is a matrix of which an entry is missing.
+    @computed("")
+    def length_ratio(self) -> Any:
+        """[-] Length over diameter."""
+        return self.bearing.length_ratio
+
+    @computed("")
+    def clearance_ratio(self) -> Any:
+        """[-] Radial clearance over radius."""
+        return self.bearing.clearance_ratio
+
+    @computed_part(OperatingPoint, inline=True)
+    def signed_point(self) -> OperatingPoint:
+        """The operating point with torques in the sense of the speed.
+
+        A number that is infinite (the Sommerfeld number at no load) is `None` in JSON, and so is a matrix
+        of which an entry is missing.
         """
-        numbers = dict(readings_of(self.point))
+        numbers = vars(self.point).copy()
         for name, value in numbers.items():
             if np.ndim(value) and not np.all(np.isfinite(value)):
                 numbers[name] = None
@@ -164,22 +172,21 @@ class SteadyBearing(Result):
         for name in ("friction_torque", "bush_torque"):
             if numbers[name] is not None:
                 numbers[name] = math.copysign(1.0, self.speed) * float(numbers[name])
-        peak_pressure = None
-        side_flow = None
-        if self.field is not None:
-            peak_pressure = self.field.peak_pressure
-            side_flow = self.field.side_flow
-        return {
-            "limits": self.bearing.model.limits,
-            "frame": _FRAME,
-            **sizes_of(self.bearing),
-            **fields_of(self, "load", "speed"),
-            **fields_of(self.bearing, "length_ratio", "clearance_ratio"),
-            **numbers,
-            "friction_power": numbers["friction_torque"] * self.speed,
-            "peak_pressure": peak_pressure,
-            "side_flow": side_flow,
-        }
+        return OperatingPoint(**numbers)
+
+    @computed("W")
+    def friction_power(self) -> float:
+        """[W] Power that the journal loses in the film."""
+        return self.signed_point.friction_torque * self.speed
+
+    peak_pressure = forwarded(PressureField, "field.peak_pressure")
+    side_flow = forwarded(PressureField, "field.side_flow")
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; `field` has those of the film."""
+        yield from self.data_of("load", "speed")
+        yield from self.point.described()
+        yield from self.data_of("peak_pressure", "side_flow")
 
 
 def steady_bearing(bearing: JournalBearing, load: float, speed: float) -> SteadyBearing:

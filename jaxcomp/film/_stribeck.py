@@ -1,7 +1,6 @@
 """Friction of a bearing over its speed at one load: the curve of Stribeck."""
 
-from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -10,9 +9,18 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._core.arguments import single_number
+from .._core.declared import computed, computed_part, computed_word, reading
 from .._core.errors import BadInput
-from .._core.results import Data, Result
-from ._bearing import SIZES, JournalBearing, film_at, film_unit, load_number, prepare, sizes_of
+from .._core.results import Result
+from ._bearing import (
+    BearingSizes,
+    JournalBearing,
+    film_at,
+    film_unit,
+    load_number,
+    prepare,
+    sizes_of,
+)
 from ._contact import MixedFilm
 from ._film import AbstractCarryingFilm, film_ratio
 
@@ -31,25 +39,31 @@ class StribeckCurve(Result, eqx.Module):
     """
 
     bearing: JournalBearing
-    load: Float[Array, ""]
-    speed: Float[Array, " n"]
-    friction_torque: Float[Array, " n"]
-    contact_torque: Float[Array, " n"]
-    minimum_film: Float[Array, " n"]
-    contact_load: Float[Array, " n"]
+    load: Float[Array, ""] = reading("N")
+    speed: Float[Array, " n"] = reading("rad/s", "speed", doc="of the journal")
+    friction_torque: Float[Array, " n"] = reading("N m", "speed", doc="of film and contact")
+    contact_torque: Float[Array, " n"] = reading("N m", "speed", doc="of the contact")
+    minimum_film: Float[Array, " n"] = reading("m", "speed")
+    contact_load: Float[Array, " n"] = reading("N", "speed", doc="along the line of centres")
 
     table_dims: ClassVar[tuple[str, ...]] = ("speed",)
-    nested_units: ClassVar[str] = f"""{SIZES}
-        load, contact_load [N]; least_friction_speed, speed [rad/s]; minimum_film [m]
-        friction_torque, contact_torque [N m]; friction_coefficient, film_over_roughness
-    """
 
-    @property
+    @computed_word()
+    def limits(self) -> str:
+        """What the film model leaves out."""
+        return self.bearing.model.limits
+
+    @computed_part(BearingSizes, inline=True)
+    def sizes(self) -> BearingSizes:
+        """Dimensions, viscosity, film and contact of the bearing."""
+        return sizes_of(self.bearing)
+
+    @computed("", "speed")
     def friction_coefficient(self) -> Float[Array, " n"]:
         """[-] (n,) Torque over load and radius of the journal."""
         return self.friction_torque / (self.load * self.bearing.radius)
 
-    @property
+    @computed("rad/s")
     def least_friction_speed(self) -> Float[Array, ""]:
         """[rad/s] Where the torque is least: of the parabola through the lowest points in ln speed."""
         x = np.log(np.asarray(self.speed))
@@ -65,25 +79,12 @@ class StribeckCurve(Result, eqx.Module):
             step = -0.5 * slope / bend
         return jnp.asarray(np.exp(np.clip(x[place] + step, x[near][0], x[near][-1])))
 
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units."""
-        at = self.table_dims
-        yield Data("load", "N", self.load)
-        yield Data("least_friction_speed", "rad/s", self.least_friction_speed)
-        yield Data("speed", "rad/s", self.speed, at, "of the journal")
-        yield Data("friction_torque", "N m", self.friction_torque, at, "of film and contact")
-        yield Data("contact_torque", "N m", self.contact_torque, at, "of the contact")
-        yield Data("friction_coefficient", "", self.friction_coefficient, at)
-        yield Data("minimum_film", "m", self.minimum_film, at)
-        yield Data("contact_load", "N", self.contact_load, at, "along the line of centres")
-        if self.bearing.contact is not None:
-            over = self.minimum_film / self.bearing.contact.roughness
-            yield Data("film_over_roughness", "", over, at)
-
-    def nested(self) -> dict[str, Any]:
-        """The bearing, and its friction over the speed."""
-        limits = {"limits": self.bearing.model.limits}
-        return limits | sizes_of(self.bearing) | {d.name: d.values for d in self.described()}
+    @computed("", "speed", optional=True)
+    def film_over_roughness(self) -> Float[Array, " n"] | None:
+        """[-] (n,) Smallest film over the roughness of the surfaces; `None` without contact."""
+        if self.bearing.contact is None:
+            return None
+        return self.minimum_film / self.bearing.contact.roughness
 
 
 @eqx.filter_jit

@@ -8,11 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.declared import reading
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import is_any_traced
 from .._core.progress import progress_of, watched
-from .._core.results import Result, reading
+from .._core.results import Result
 from ._blocks import lu_factor, lu_solve
 from ._conventions import add, from_planes, take, to_planes
 from ._damped import DampedModes, _damped, check_request, damped_modes, system_matrices

@@ -17,10 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.declared import reading
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.nested import fields_of, records
-from .._core.results import Data, Result, reading
+from .._core.results import Data, Result
 from ..compressor import Compressor, check_runs
 from ..crank import Orbit
 from ..crank._orbit import time_harmonics

@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
+from ..._core.declared import reading
 from ..._core.errors import BadInput
 from ..._core.nested import fields_of, records
-from ..._core.results import Data, Result, reading
+from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from ._common_factor import varied
 from ._identify import identify
