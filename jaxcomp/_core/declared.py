@@ -91,6 +91,11 @@ def part(kind: Any, **options: Any) -> Any:
     return _field(options, kind=kind)
 
 
+def held(**options: Any) -> Any:
+    """Declare a field that is no entry: what numbers of the result are computed from."""
+    return eqx.field(**options)
+
+
 def computed(unit: str, *dims: str, **options: Any) -> Callable[[Callable[[Any], _Value]], _Value]:
     """Declare a property with a number, as `reading` declares a field."""
     return _computed(Declaration(unit=unit, dims=dims, **options))

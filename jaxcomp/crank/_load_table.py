@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
 from .._core.arguments import single_number
-from .._core.declared import computed, computed_part, computed_word, forwarded, reading
+from .._core.declared import computed, computed_part, computed_word, forwarded, held, reading
 from .._core.errors import BadInput
 from .._core.fields import rebuilt
 from .._core.polynomials import cubics, gauss
@@ -293,12 +293,12 @@ class LoadedJournal(Result, eqx.Module):
     table: LoadTable
     speed: Float[Array, ""] = reading("rad/s", doc="of the crank")
     angle: Float[Array, " n"] = reading("rad", "angle", doc="of the crank", table_only=True)
-    load: Float[Array, "2 n"]
-    position: Float[Array, "2 n"]
-    film: JournalFilm
+    load: Float[Array, "2 n"] = held()
+    position: Float[Array, "2 n"] = held()
+    film: JournalFilm = held()
     minimum_film_angle: Float[Array, ""] = reading("rad")
     table_error: Float[Array, ""] = reading("m", doc="of the interpolation, estimated")
-    status: Status
+    status: Status = held()
 
     table_dims: ClassVar[tuple[str, ...]] = ("angle",)
 

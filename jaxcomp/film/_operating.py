@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .._core.declared import computed, computed_part, computed_word, forwarded, reading
+from .._core.declared import computed, computed_part, computed_word, forwarded, held, reading
 from .._core.results import Data, Result
 from ._bearing import (
     BearingSizes,
@@ -127,8 +127,8 @@ class SteadyBearing(Result):
     bearing: JournalBearing
     load: float = reading("N")
     speed: float = reading("rad/s")
-    point: OperatingPoint
-    field: PressureField | None
+    point: OperatingPoint = held()
+    field: PressureField | None = held()
 
     table_dims: ClassVar[tuple[str, ...]] = _AXES
 
@@ -175,7 +175,7 @@ class SteadyBearing(Result):
         return OperatingPoint(**numbers)
 
     @computed("W")
-    def friction_power(self) -> float:
+    def friction_power(self) -> Any:
         """[W] Power that the journal loses in the film."""
         return self.signed_point.friction_torque * self.speed
 
