@@ -12,8 +12,6 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, NamedTuple, TypeVar
 
-import equinox as eqx
-
 _Value = TypeVar("_Value")
 _Record = TypeVar("_Record")
 
@@ -28,6 +26,7 @@ BESIDE = Note("in the unit that stands beside it")
 # Of numbers by the names of quantities, or of numbers of a machine: each is a `Measured`.
 NAMED = Note("by name, with the unit that the registry or the result has for the name")
 QUANTITY = Note("in the unit of the quantity")
+OPTION = Note("as the option was given")
 NUMBER = Note("in the unit of the number of the machine")
 RATIO = Note("in the unit of the quantity over that of the number")
 # Of a `Measured`, whose unit is known with the result only.
@@ -50,7 +49,7 @@ class Declaration(NamedTuple):
         dims: names of the dimensions of a number.
         doc: what it is, where the name does not tell.
         kind: class of a record, or of several, under the name.
-        by_name: whether several have names of their own.
+        by_name: whether it is a table of numbers or records by name.
         optional: whether the entry is left out where its value is `None`.
         inline: whether the entries of a record stand among those of the result.
         table_only: whether it is a curve, which tables have and JSON leaves out.
@@ -75,7 +74,7 @@ class Computed(property):
 
 
 # ------------------------------------------------------------------- declaring
-# Options are further attributes of `Declaration`; those of a field also the ones of `equinox.field`.
+# Options are further attributes of `Declaration`; of a field also `default`, `default_factory`, `static`.
 def reading(unit: str, *dims: str, **options: Any) -> Any:
     """Declare a field with a number; a unit that is a `Note` is known with the result only."""
     return _field(options, unit=unit, dims=dims)
@@ -93,7 +92,7 @@ def part(kind: Any, **options: Any) -> Any:
 
 def held(**options: Any) -> Any:
     """Declare a field that is no entry: what numbers of the result are computed from."""
-    return eqx.field(**options)
+    return _field_with({}, options)
 
 
 def computed(unit: str, *dims: str, **options: Any) -> Callable[[Callable[[Any], _Value]], _Value]:
@@ -134,7 +133,14 @@ def _field(options: dict[str, Any], **declared: Any) -> Any:
     for name in Declaration._fields:
         if name in options:
             declared[name] = options.pop(name)
-    return eqx.field(metadata={"declaration": Declaration(**declared)}, **options)
+    return _field_with({"declaration": Declaration(**declared)}, options)
+
+
+def _field_with(metadata: dict[str, Any], options: dict[str, Any]) -> Any:
+    # equinox knows a static field by its metadata; this module is imported where equinox is not
+    if options.pop("static", False):
+        metadata["static"] = True
+    return dataclasses.field(metadata=metadata, **options)
 
 
 def _computed(declaration: Declaration) -> Callable[[Callable[[Any], _Value]], _Value]:
@@ -155,6 +161,13 @@ class Declared:
     def units_by_name(cls) -> Mapping[str, str]:
         """Units of entries that are known by name only, such as registered quantities, for the schema."""
         return {}
+
+    def entries(self) -> dict[str, Any]:
+        """Numbers [SI] and words by name, nested where they belong together.
+
+        The names are stable; new ones may join them.
+        """
+        return without_units(tree_of(self))
 
 
 class Record(Declared):
@@ -232,8 +245,12 @@ def _entries(thing: Declared) -> dict[str, Any]:
         if declaration.inline:
             entries |= entry
             continue
-        if declaration.unit and not isinstance(declaration.unit, Note):
-            entry = Measured(entry, declaration.unit)
+        unit = declaration.unit
+        if unit and not isinstance(unit, Note):
+            if declaration.by_name:
+                entry = {member: Measured(number, unit) for member, number in entry.items()}
+            else:
+                entry = Measured(entry, unit)
         entries[declaration.key or name] = entry
     return entries
 
@@ -348,6 +365,9 @@ def _schema_of_entry(key: str, declaration: Declaration) -> _Schema:
         return _Schema({}, {rf"^{re.escape(key)}( \[.+\])?$": described})
     if isinstance(unit, Note):
         return _Schema({key: {"$ref": "#/$defs/stated", "description": str(unit)}}, {})
+    if declaration.by_name:
+        named = {rf" \[{re.escape(unit)}\]$": _NUMBERS}
+        return _Schema({key: _Schema({}, named).document()}, {})
     return _Schema({f"{key} [{unit}]" if unit else key: _NUMBERS}, {})
 
 

@@ -21,7 +21,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from .declared import Declared, Note, Record, declarations, tree_of, with_units, without_units
+from .declared import Declared, Note, Record, declarations, tree_of, with_units
 from .display import shown
 from .errors import BadInput
 from .fields import is_any_traced
@@ -154,13 +154,6 @@ class Result(Declared):
             else:
                 numbers[data.header] = _finite(values)
         return numbers
-
-    def entries(self) -> dict[str, Any]:
-        """Numbers [SI] and words by name, nested where they belong together.
-
-        The names are stable; new ones may join them.
-        """
-        return without_units(tree_of(self))
 
     @classmethod
     def units_of_nested(cls) -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -14,6 +15,7 @@ from rich.text import Text
 
 import jaxcomp as jc
 
+from .._core.declared import BESIDE, Note, Record, part, reading, word
 from .._core.display import shown, units_of
 from .._core.files import write_whole
 from .._core.registry import Quantity, registered
@@ -23,10 +25,10 @@ from ._fluids import list_fluid, list_fluids
 from ._output import show_results
 from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
-from ._units import results_schema
 
 if TYPE_CHECKING:
     from ..scene._explain import Explained
+    from ..scene.contents import ListedVariables
 
 # Titles of the schemas that `schema` writes.
 _SCHEMAS = ("A machine for jaxcomp", "Results of jaxcomp")
@@ -83,6 +85,16 @@ def new(
 
 
 # ------------------------------------------------------------------ cache
+@dataclass(frozen=True)
+class StoredPrograms(Record):
+    """The store of compiled programs: its folder or why there is none, their number and size."""
+
+    folder: str | None = word()
+    why: str = word()
+    programs: int = reading("")
+    size: int = reading(Note("in bytes"))
+
+
 def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     """Show where compiled programs are kept for the next start, and how large they are.
 
@@ -109,7 +121,13 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
         ("emptied by", "jaxcomp cache --empty"),
     )
     table = _word_table("Compiled programs", ("", ""), rows)
-    show_results(stored._asdict() | {"folder": stored.folder and folder}, [table], as_json)
+    content = StoredPrograms(
+        folder=folder if stored.folder else None,
+        why=stored.why,
+        programs=stored.programs,
+        size=stored.size,
+    )
+    show_results(content, [table], as_json)
 
 
 # ------------------------------------------------------------------- list
@@ -201,27 +219,46 @@ def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Ta
     return {"quantities": entries}, _word_table(title, heads, rows)
 
 
-def _variables(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
+@dataclass(frozen=True)
+class ListedValue(Record):
+    """A value of a machine file, as it is given and in its SI unit, with its source."""
+
+    given: Any = reading(BESIDE)
+    value: Any = reading(BESIDE)
+    unit: str = word()
+    source: str = word()
+    doc: str = word()
+
+
+@dataclass(frozen=True)
+class ListedValues(Record):
+    """The values of a machine file by their paths."""
+
+    name: str = word()
+    description: str = word()
+    values: dict[str, ListedValue] = part(ListedValue, by_name=True)
+
+
+def _variables(scene: jc.scene.Scene) -> tuple[ListedVariables, Table]:
     """The numbers that studies can change."""
-    from ..scene.contents import describe_variables
+    from ..scene.contents import ListedVariables, describe_variables
 
     variables = describe_variables(scene)
     rows = []
     for name, variable in variables.items():
-        value = variable["value"]
-        text = shown(name, variable["unit"], value).text(value)
-        rows.append((name, text, variable["bound"], variable["doc"]))
+        text = shown(name, variable.unit, variable.value).text(variable.value)
+        rows.append((name, text, variable.bound, variable.doc))
     heads = ("Variable", "Value", "Bound, SI", "Meaning")
-    return {"variables": variables}, _word_table(scene.name, heads, rows)
+    return ListedVariables(variables), _word_table(scene.name, heads, rows)
 
 
-def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
+def _values(scene: jc.scene.Scene) -> tuple[ListedValues, Table]:
     """Every value of a scene with its source."""
     entries = {}
     rows = []
     for row in jc.scene.describe(scene):
-        entries[row.path] = row._asdict()
-        del entries[row.path]["path"]
+        _, *columns = row
+        entries[row.path] = ListedValue(*columns)
         value_text = str(row.given)
         if row.given is None:
             value_text = f"{row.value} {row.unit}".strip()
@@ -230,7 +267,7 @@ def _values(scene: jc.scene.Scene) -> tuple[dict[str, Any], Table]:
         rows.append((row.path, value_text, str(row.source), str(row.doc)))
     title = f"{scene.name}: {scene.description}"
     table = _word_table(title, ("Value", "Given", "Source", "Meaning"), rows)
-    return {"name": scene.name, "description": scene.description, "values": entries}, table
+    return ListedValues(scene.name, scene.description, entries), table
 
 
 # ------------------------------------------------------------------- explain
@@ -273,7 +310,12 @@ def schema(
         results: Schema of what commands print with --json and write to result.json, each under its name.
         force: Write over a file that is no schema of this program.
     """
-    content = results_schema() if results else jc.scene.json_schema()
+    if results:
+        from ._answers import results_schema
+
+        content = results_schema()
+    else:
+        content = jc.scene.json_schema()
     text = json.dumps(content, indent=1, ensure_ascii=False)
     if file is None:
         typer.echo(text)
@@ -303,8 +345,8 @@ def _parts() -> tuple[list[dict[str, Any]], Table]:
 
     parts = []
     rows = []
-    for part, where in part_places().items():
-        meaning = summary(part)
+    for kind, where in part_places().items():
+        meaning = summary(kind)
         parts.append({"kind": where.kind, "places": where.titles, "summary": meaning})
         rows.append((where.kind, ", ".join(where.titles), meaning))
     heads = ("Type", "Sections", "What it is")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from .._core.declared import Record, part, reading, word
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from ._start import CommandError, start_jax
@@ -22,20 +24,82 @@ _QUALITIES = {
 }
 
 
-def list_fluids() -> tuple[dict[str, Any], list[Table]]:
+@dataclass(frozen=True)
+class ListedFluid(Record):
+    """A pure fluid.
+
+    Attributes:
+        name, description, source, licence: of its equation of state.
+        lowest, highest: [K] range of the equation.
+        critical_temperature: [K]
+        highest_pressure: [Pa]
+    """
+
+    name: str = word()
+    description: str = word()
+    source: str = word()
+    licence: str = word()
+    lowest: float = reading("K")
+    highest: float = reading("K")
+    critical_temperature: float | None = reading("K", optional=True, default=None)
+    highest_pressure: float | None = reading("Pa", optional=True, default=None)
+
+
+@dataclass(frozen=True)
+class ListedPair(Record):
+    """Two components of a blend, and how well they are known together."""
+
+    components: list[str] = word()
+    quality: str = word()
+    source: str = word()
+
+
+@dataclass(frozen=True)
+class ListedBlend(Record):
+    """A blend of ASHRAE 34.
+
+    Attributes:
+        name: such as R410A.
+        quality: class, by how well its pairs are known.
+        mass_fractions: [-] by component.
+        without_equation: components that have no equation of state.
+        pairs: of components.
+        lowest, highest: [K] range of the lines of saturation.
+        glide: [K] at 0 degrees Celsius.
+    """
+
+    name: str = word()
+    quality: str = word(key="class")
+    mass_fractions: dict[str, float] = reading("")
+    without_equation: list[str] = word()
+    pairs: tuple[ListedPair, ...] = part(ListedPair, default=())
+    lowest: float | None = reading("K", optional=True, default=None)
+    highest: float | None = reading("K", optional=True, default=None)
+    glide: float | None = reading("K", optional=True, default=None)
+
+
+@dataclass(frozen=True)
+class ListedFluids(Record):
+    """Pure fluids and blends."""
+
+    fluids: tuple[ListedFluid, ...] | None = part(ListedFluid, optional=True, default=None)
+    blends: tuple[ListedBlend, ...] | None = part(ListedBlend, optional=True, default=None)
+
+
+def list_fluids() -> tuple[ListedFluids, list[Table]]:
     """All pure fluids, and the blends of ASHRAE 34 that can be computed."""
     from ..fluid import fluids
     from ..fluid._blends import usable_blends
     from ..fluid._helmholtz import fluid_data
 
     start_jax()
-    keys = ("name", "description", "source", "licence")
     pure = []
     rows = []
     for data in map(fluid_data, fluids()):
-        limits = data["T_least"], data["T_most"]
-        pure.append({key: data[key] for key in keys} | {"lowest": limits[0], "highest": limits[1]})
-        rows.append((bold(data["name"]), data["description"], _range(*limits), data["source"]))
+        fluid = _listed_fluid(data)
+        pure.append(fluid)
+        limits = _range(fluid.lowest, fluid.highest)
+        rows.append((bold(fluid.name), fluid.description, limits, fluid.source))
     heads = ("Name", "What it is", "Range [degC]", "Equation of state")
     tables = [_words("Fluids", heads, rows)]
     mixed = []
@@ -43,16 +107,28 @@ def list_fluids() -> tuple[dict[str, Any], list[Table]]:
     for blend in usable_blends():
         entry = blend_entry(blend.name)
         mixed.append(entry)
-        glide = entry.get("glide")
         composition = _composition(blend.mass_fractions)
-        rows.append((bold(blend.name), blend.quality, composition, number_text(glide, ".2f")))
+        glide = number_text(entry.glide, ".2f")
+        rows.append((bold(blend.name), blend.quality, composition, glide))
     title = "Blends of ASHRAE 34; A: departure functions for all pairs, B: some pairs are fits"
     heads = ("Name", "Class", "By mass [%]", "Glide at 0 degC [K]")
     tables.append(_words(title, heads, rows))
-    return {"fluids": pure, "blends": mixed}, tables
+    return ListedFluids(fluids=tuple(pure), blends=tuple(mixed)), tables
 
 
-def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
+def _listed_fluid(data: dict[str, Any]) -> ListedFluid:
+    """A fluid of `fluid_data`, without its critical point."""
+    return ListedFluid(
+        name=data["name"],
+        description=data["description"],
+        source=data["source"],
+        licence=data["licence"],
+        lowest=data["T_least"],
+        highest=data["T_most"],
+    )
+
+
+def list_fluid(name: str) -> tuple[ListedFluids, list[Table]]:
     """One fluid or blend with its sources, of a blend pair by pair.
 
     Raises:
@@ -71,61 +147,62 @@ def list_fluid(name: str) -> tuple[dict[str, Any], list[Table]]:
             raise CommandError(f"list fluids {name}: must be {error.bound}") from None
     if name in fluids():
         data = fluid_data(name)
-        entry = {key: data[key] for key in ("name", "description", "source", "licence")}
-        rows = list(entry.items())
-        entry |= {"lowest": data["T_least"], "highest": data["T_most"]}
-        entry |= {"critical_temperature": data["T_critical"], "highest_pressure": data["p_most"]}
-        rows.append(("range", f"{_range(entry['lowest'], entry['highest'])} degC"))
+        rows = [(key, data[key]) for key in ("name", "description", "source", "licence")]
+        fluid = replace(
+            _listed_fluid(data),
+            critical_temperature=data["T_critical"],
+            highest_pressure=data["p_most"],
+        )
+        rows.append(("range", f"{_range(fluid.lowest, fluid.highest)} degC"))
         rows.append(("critical temperature", f"{data['T_critical'] - ZERO_CELSIUS:.2f} degC"))
         rows.append(("highest pressure", f"{data['p_most'] / 1e6:g} MPa"))
-        return {"fluids": [entry]}, [_words(name, ("", ""), rows)]
+        return ListedFluids(fluids=(fluid,)), [_words(name, ("", ""), rows)]
     entry = blend_entry(name)
-    rows = [("Class", entry["class"]), ("By mass", _composition(entry["mass_fractions"], " %"))]
-    if "lowest" in entry:
-        rows.append(("Lines", f"{_range(entry['lowest'], entry['highest'])} degC"))
-    if "glide" in entry:
-        rows.append(("Glide at 0 degC", f"{entry['glide']:.2f} K"))
-    if entry["without_equation"]:
-        rows.append(("No equation of state", ", ".join(entry["without_equation"])))
+    rows = [("Class", entry.quality), ("By mass", _composition(entry.mass_fractions, " %"))]
+    if entry.lowest is not None and entry.highest is not None:
+        rows.append(("Lines", f"{_range(entry.lowest, entry.highest)} degC"))
+    if entry.glide is not None:
+        rows.append(("Glide at 0 degC", f"{entry.glide:.2f} K"))
+    if entry.without_equation:
+        rows.append(("No equation of state", ", ".join(entry.without_equation)))
     tables = [_words(name, ("", ""), rows)]
-    if entry["pairs"]:
+    if entry.pairs:
         rows = []
-        for pair in entry["pairs"]:
-            components = "/".join(pair["components"])
-            rows.append((components, _QUALITIES[pair["quality"]], pair["source"]))
+        for pair in entry.pairs:
+            rows.append(("/".join(pair.components), _QUALITIES[pair.quality], pair.source))
         tables.append(_words(f"Pairs of {name}", ("Pair", "Parameters", "Source"), rows))
-    return {"blends": [entry]}, tables
+    return ListedFluids(blends=(entry,)), tables
 
 
-def blend_entry(name: str) -> dict[str, Any]:
+def blend_entry(name: str) -> ListedBlend:
     """Composition, class, glide at 0 degC, range of the lines and pairs of a blend."""
     from ..fluid import Mixture
     from ..fluid._blends import blends, without_equation
     from ..fluid._multi_fluid import pairs_of
 
     blend = blends()[name]
-    entry: dict[str, Any] = {
-        "name": name,
-        "class": blend.quality,
-        "mass_fractions": dict(blend.mass_fractions),
-        "without_equation": without_equation(blend),
-        "pairs": [],
-    }
-    if entry["without_equation"]:
+    entry = ListedBlend(
+        name=name,
+        quality=blend.quality,
+        mass_fractions=dict(blend.mass_fractions),
+        without_equation=without_equation(blend),
+    )
+    if entry.without_equation:
         return entry
     pairs = pairs_of(list(blend.mass_fractions))
+    listed = []
     for pair in pairs:
-        entry["pairs"].append(
-            {"components": list(pair.names), "quality": pair.quality, "source": pair.source}
-        )
+        listed.append(ListedPair(list(pair.names), pair.quality, pair.source))
+    entry = replace(entry, pairs=tuple(listed))
     if any(pair.quality == "none" for pair in pairs):
         return entry
     mixture = Mixture(name=name)
     if mixture.lines is not None:
         low, _, high = np.asarray(mixture.lines.ends).tolist()
-        entry |= {"lowest": low, "highest": high}
+        glide = None
         if low < ZERO_CELSIUS < high:
-            entry["glide"] = ZERO_CELSIUS - float(mixture.bubble_of_dew(ZERO_CELSIUS))
+            glide = ZERO_CELSIUS - float(mixture.bubble_of_dew(ZERO_CELSIUS))
+        entry = replace(entry, lowest=low, highest=high, glide=glide)
     return entry
 
 

@@ -14,8 +14,8 @@ import typer
 
 import jaxcomp as jc
 
+from .._core.declared import BESIDE, Record, reading
 from .._core.display import Shown, is_temperature, shown
-from .._core.nested import plain
 from ._arguments import assignments, si, speed_of, split_at
 from ._map import axis
 from ._options import Case, Solver, chosen_solver
@@ -165,10 +165,10 @@ def identify(
         scene, data_sets, bounds, priors, options, prediction_points, output.out
     )
     curves: dict[str, Any] = {"readings": identification.columns}
-    metadata: dict[str, Any] = {"machine": scene.name, "file": scene.file}
+    numbers = None
     if prediction is not None:
         curves["predicted"] = prediction.columns
-        metadata["predicted"] = prediction.columns()
+        numbers = PredictedReadings(prediction.columns())
 
     def tables(_) -> Iterator[Any]:
         yield from identification_tables(identification, scene.name)
@@ -187,11 +187,19 @@ def identify(
         identified_scene(scene, identification),
         curves,
         files=lambda: {
-            "identified.json": json.dumps(plain(identification.nested()), indent=1),
+            "identified.json": json.dumps(identification.entries(), indent=1),
             "tolerances.toml": identified_tolerances(identification),
         },
-        metadata=metadata,
+        metadata={"machine": scene.name, "file": scene.file},
+        numbers=numbers,
     )
+
+
+@dataclass(frozen=True)
+class PredictedReadings(Record):
+    """Readings that are predicted, as columns."""
+
+    predicted: dict[str, Any] = reading(BESIDE)
 
 
 def _identified(
@@ -255,7 +263,7 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
 def _constants(identification, name: str):
     """The constants before and after, with their standard errors."""
     rows = []
-    for parameter in identification.nested()["parameters"]:
+    for parameter in identification.entries()["parameters"]:
         path = parameter["name"]
         unit = parameter["unit"]
         share = parameter["prior_share"]
@@ -284,16 +292,16 @@ def _readings(identification, quantity: str, look: Shown):
     kind = identification.kinds[quantity]
     errors = identification.error(quantity).tolist()
     rows = []
-    for reading, error in zip(np.flatnonzero(of_quantity).tolist(), errors, strict=True):
-        half_width = float(identification.half_width[reading])
+    for place, error in zip(np.flatnonzero(of_quantity).tolist(), errors, strict=True):
+        half_width = float(identification.half_width[place])
         rows.append(
             (
-                identification.names[reading],
-                look.number(float(identification.measured[reading])),
-                look.number(float(identification.computed[reading])),
+                identification.names[place],
+                look.number(float(identification.measured[place])),
+                look.number(float(identification.computed[place])),
                 _error(error, *kind, look),
                 f"{half_width * look.factor:.2g}",
-                "fitted" if identification.used[reading] else "predicted",
+                "fitted" if identification.used[place] else "predicted",
             )
         )
     heads = ("Point", "Measured", "Computed", "Error", "95 %, +-", "")

@@ -8,8 +8,8 @@ from typing import Any
 
 import jaxcomp as jc
 
+from .._core.declared import tree_of
 from .._core.display import RPM, rounded
-from .._core.nested import plain
 from . import _options as opt
 from ._output import Output, header
 from ._rotor import points_and_range, pull_row, rotor_of, whirl
@@ -55,7 +55,7 @@ def modes(
     curves = {"modes": rotor_modes.columns}
     diagram = rotor_modes.campbell
     if diagram is not None:
-        curves["campbell"] = lambda: plain(diagram.columns())
+        curves["campbell"] = lambda: tree_of(diagram.columns())
 
     def pictures():
         from ..plot._rotor import rotor_modes_figures

@@ -13,8 +13,8 @@ import typer
 
 import jaxcomp as jc
 
+from .._core.declared import BESIDE, OPTION, Record, part, reading, word
 from .._core.display import shown
-from .._core.nested import fields_of
 from . import _options as opt
 from ._arguments import assignments, bounds_of, changed_scene, si, value_of, with_one_unit
 from ._output import Output, Partial
@@ -148,11 +148,7 @@ def optimise(search: SearchOptions, output: Output) -> None:
     scene = changed_scene(search.machine, search.sets, (), varied)
     options = opt.analysis_options(scene, search.accuracy, search.solver, search.cycle)
     outcome = _searched(search, _problem(search, jc.machine.machine_of(scene), options), output.out)
-    metadata = {
-        "machine": scene.name,
-        "asked": asdict(search),
-        "seconds": time.perf_counter() - begun,
-    }
+    numbers = SearchNumbers(asdict(search), time.perf_counter() - begun)
     if isinstance(outcome, jc.study.ParetoFront):
 
         def pictures():
@@ -167,13 +163,15 @@ def optimise(search: SearchOptions, output: Output) -> None:
             scene,
             {"front": outcome.columns},
             "Report, picture, result and machine file",
-            metadata=metadata,
+            metadata={"machine": scene.name},
+            numbers=numbers,
         )
         return
     with waiting("Comparing with the present design ..."):
         comparison = outcome.compare()
-    metadata["comparison"] = _comparison_entries(comparison)
-    scene, metadata["not_in_scene"] = jc.scene.optimised_scene(scene, outcome)
+    numbers = replace(numbers, comparison=_compared_rows(comparison))
+    machine = scene.name
+    scene, not_in_scene = jc.scene.optimised_scene(scene, outcome)
     design = "optimised machine" if outcome.feasible else "the machine of the nearest design"
 
     def pictures():
@@ -188,20 +186,40 @@ def optimise(search: SearchOptions, output: Output) -> None:
         scene,
         {"designs": outcome.columns},
         f"Report, pictures, designs, result and {design}",
-        metadata=metadata,
+        metadata={"machine": machine, "not_in_scene": not_in_scene},
+        numbers=numbers,
     )
     if not outcome.feasible:
         raise typer.Exit(_NOT_FEASIBLE)
 
 
-def _comparison_entries(comparison: jc.study.Comparison | None) -> list[dict[str, Any]]:
-    """The quantities of the present design and of the optimum, one entry for each."""
+@dataclass(frozen=True)
+class ComparedRow(Record):
+    """A quantity of the present design and of the optimum."""
+
+    name: str = word()
+    unit: str = word()
+    present: float | None = reading(BESIDE)
+    optimum: float | None = reading(BESIDE)
+
+
+@dataclass(frozen=True)
+class SearchNumbers(Record):
+    """What a search was asked for, how long it took [s], and the optimum beside the present design."""
+
+    asked: dict[str, Any] = reading(OPTION)
+    seconds: float = reading("s")
+    comparison: tuple[ComparedRow, ...] | None = part(ComparedRow, optional=True, default=None)
+
+
+def _compared_rows(comparison: jc.study.Comparison | None) -> tuple[ComparedRow, ...]:
     if comparison is None:
-        return []
-    entries = []
-    for name, unit, (present, optimum) in comparison.rows:
-        entries.append({"name": name, "unit": unit, "present": present, "optimum": optimum})
-    return entries
+        return ()
+    rows = []
+    for row in comparison.rows:
+        present, optimum = row.values
+        rows.append(ComparedRow(row.name, row.unit, present, optimum))
+    return tuple(rows)
 
 
 # ------------------------------------------------------------------- the problem
@@ -240,8 +258,14 @@ def _searched(
 
     store = Partial(out, "designs")
     solved = []
-    options = fields_of(search, "starts", "max_steps", "tolerance", "samples", "seed")
-    options["constraints"] = bounds_of(search.constraints, "--constraint")
+    options: dict[str, Any] = {
+        "starts": search.starts,
+        "max_steps": search.max_steps,
+        "tolerance": search.tolerance,
+        "samples": search.samples,
+        "seed": search.seed,
+        "constraints": bounds_of(search.constraints, "--constraint"),
+    }
     targets = {}
     for name, text in assignments(search.targets, "--target").items():
         targets[name] = value_of(name, text, f"--target {name}")

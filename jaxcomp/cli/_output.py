@@ -17,18 +17,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
-from .._core.declared import tree_of, with_units, without_units
+from .._core.declared import Declared, Record, tree_of, with_units, without_units
 from .._core.interrupts import words_when_stopped
-from .._core.nested import with_units as with_units_old
 from ._options import AsJson, Force, Out, OutWithoutScene
-from ._start import CommandError, command_line, command_name, show_error, waiting
-from ._units import beside_of, table_of
+from ._start import CommandError, command_line, show_error, waiting
 from ._written import FIXED_NAMES, refuse_files_of_user, write_results_of_command
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from .._core.results import Result
     from ..scene import Scene
 
 # [s] Between two writings of what there is so far.
@@ -60,7 +57,7 @@ class Output:
 
     def emit(
         self,
-        result: "Result | Mapping[str, Any]",
+        result: Declared,
         tables: Callable[[dict[str, Any]], Iterable[Any]],
         figures: Callable[[], Mapping[str, Any]] = dict,
         scene: "Scene | None" = None,
@@ -68,22 +65,22 @@ class Output:
         written: str = _WRITTEN,
         files: Callable[[], Mapping[str, str]] = dict,
         metadata: Mapping[str, Any] | None = None,
+        numbers: Record | None = None,
     ) -> None:
         """Write the folder of a command if one is named, and print JSON or tables.
 
         Args:
-            result: what the library found; numbers and words without a result have their units in
-                `_units.py`.
+            result: what the library found, or a record of it.
             tables: makes of the plain numbers what `rich` prints, one after the other.
             figures: draws the pictures, by name.
             scene: as it was run; `None` where there is none.
             curves: what makes the columns, by the name of the CSV file that takes them.
             written: names of the kinds of files in the folder.
             files: makes the texts of further files, by name.
-            metadata: what stands in JSON in front of the numbers, as the name of the machine; results
-                among it are nested under their names.
+            metadata: words that stand in JSON in front of the numbers, as the name of the machine.
+            numbers: of the command, that stand beside those of the result.
         """
-        tree = _tree_of_command(result, metadata or {})
+        tree = tree_of(metadata or {}) | tree_of(numbers or {}) | tree_of(result)
         shown = list(tables(without_units(tree)))
         if self.as_json:
             print_json(tree)
@@ -106,17 +103,6 @@ class Output:
             write_results_of_command(self.out, contents, self.force)
         if not self.as_json:
             print_line(f"{written} are in {self.out}")
-
-
-def _tree_of_command(result: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers of a command with their units, as of `tree_of`."""
-    from .._core import nested as old  # TRANSITION
-
-    command = command_name()
-    if isinstance(result, Mapping):
-        return old.unkeyed(with_units_old(old.plain({**metadata, **result}), table_of(command)))
-    entries = old.unkeyed(with_units_old(old.plain({**metadata}), beside_of(command)))
-    return {**entries, **tree_of(result)}
 
 
 def header(scene: "Scene") -> dict[str, Any]:
@@ -238,7 +224,9 @@ def result_files(
     return contents
 
 
-def show_results(result: dict[str, Any], tables: Iterable[Any], as_json: bool) -> None:
+def show_results(
+    result: Declared | Mapping[str, Any], tables: Iterable[Any], as_json: bool
+) -> None:
     """Print one JSON object of what may become plain numbers and words, or the tables."""
     if as_json:
         print_json(tree_of(result))

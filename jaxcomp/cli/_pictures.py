@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 import jaxcomp as jc
 
+from .._core.declared import Record, part, reading, word
 from . import _options as opt
 from ._output import Output
 from ._rotor import points_and_range, rotor_of
@@ -44,7 +46,7 @@ def animate(
 
     scene = case.scene(once=True)
     moving = {}
-    result = {"machine": scene.name, "file": scene.file, "frames": frames}
+    answer = Animation(scene.name, scene.file, frames)
     from ..plot._animate import journal_motion, mechanism_motion
 
     with waiting("Solving and drawing ..."):
@@ -55,25 +57,69 @@ def animate(
             if orbit.positions:
                 moving["journals"] = gif(journal_motion(compressor, orbit, frames))
             converged = bool(orbit.converged)
-            result |= {
-                "converged": converged,
-                "status": "converged" if converged else "not converged",
-                "energy_residual": float(orbit.energy.residual),
-                "mean_speed": float(orbit.mean_speed),
-                "mechanical_efficiency": float(orbit.mechanical_efficiency),
-            }
+            answer = replace(
+                answer,
+                converged=converged,
+                status="converged" if converged else "not converged",
+                energy_residual=orbit.energy.residual,
+                mean_speed=orbit.mean_speed,
+                mechanical_efficiency=orbit.mechanical_efficiency,
+            )
         if {"rotor", "loads", "balancing"} <= set(scene.parts):
-            motion, balance_result = balancing_motion(scene, speed, frames)
+            motion, improvement = balancing_motion(scene, speed, frames)
             moving["balance"] = gif(motion)
-            result |= balance_result
+            answer = replace(answer, balancing=improvement)
         refuse(not moving, f"{scene.file}: has neither a crank nor a rotor to be balanced")
     written = "Moving pictures and report"
-    output.emit(result, animate_tables, lambda: moving, scene, written=written)
+    output.emit(answer, animate_tables, lambda: moving, scene, written=written)
+
+
+@dataclass(frozen=True)
+class BalancedMotion(Record):
+    """A rotor before and after balancing.
+
+    Attributes:
+        speed: [rad/s] of the rotor.
+        largest_before, largest_after: [m] largest amplitudes along an axis.
+        improvement: [-] rms at the targets, after over before.
+    """
+
+    speed: Any = reading("rad/s")
+    largest_before: Any = reading("m")
+    largest_after: Any = reading("m")
+    improvement: Any = reading("")
+
+
+@dataclass(frozen=True)
+class Animation(Record):
+    """What moving pictures show.
+
+    Attributes:
+        machine, file: name and file of the machine.
+        frames: pictures a revolution.
+        converged, status: of the periodic state.
+        energy_residual: [-] of the periodic state.
+        mean_speed: [rad/s]
+        mechanical_efficiency: [-]
+        balancing: of the rotor.
+    """
+
+    machine: str = word()
+    file: str = word()
+    frames: int = reading("")
+    converged: bool | None = word(optional=True, default=None)
+    status: str | None = word(optional=True, default=None)
+    energy_residual: Any = reading("", optional=True, default=None)
+    mean_speed: Any = reading("rad/s", optional=True, default=None)
+    mechanical_efficiency: Any = reading("", optional=True, default=None)
+    balancing: BalancedMotion | None = part(
+        BalancedMotion, inline=True, optional=True, default=None
+    )
 
 
 def balancing_motion(
     scene: jc.scene.Scene, speed: str | None, frames: int
-) -> tuple[Motion, dict[str, Any]]:
+) -> tuple[Motion, BalancedMotion]:
     """The rotor with its crankcase and housing, without and with the least-squares corrections."""
     import jax.numpy as jnp
 
@@ -96,13 +142,13 @@ def balancing_motion(
     corrections = jc.rotor.Unbalances(nodes, jnp.abs(masses), jnp.angle(masses))
     before = jc.rotor.respond(model, case.loads, at[:1]).checked()
     after = jc.rotor.respond(model, (*case.loads, corrections), at[:1]).checked()
-    result = {
-        "speed": float(at[0]),
-        "largest_before": float(abs(before.displacement[..., 0]).max()),
-        "largest_after": float(abs(after.displacement[..., 0]).max()),
-        "improvement": float(balance.improvement),
-    }
-    return balance_motion(model, before, after, frames), result
+    improvement = BalancedMotion(
+        speed=at[0],
+        largest_before=abs(before.displacement[..., 0]).max(),
+        largest_after=abs(after.displacement[..., 0]).max(),
+        improvement=balance.improvement,
+    )
+    return balance_motion(model, before, after, frames), improvement
 
 
 def animate_tables(result: dict[str, Any]):

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import typer
 
 import jaxcomp as jc
 
+from .._core.declared import Record, part, reading, word
 from .._core.display import RPM
 from . import _options as opt
 from ._arguments import speeds_of
@@ -69,12 +71,12 @@ def pulsation(
         if solve:
             cycle = jc.solve_orbit(compressor).cycle
             assert cycle is not None
-            result["solved"] = _solved(cycle.pulsation)
+            result = replace(result, solved=_solved(cycle.pulsation))
 
     def pictures():
         from ..plot._pulsation import pulsation_figures
 
-        return pulsation_figures(result)
+        return pulsation_figures(result.entries())
 
     output.emit(
         result,
@@ -85,7 +87,108 @@ def pulsation(
     )
 
 
-def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Crossing(Record):
+    """Speed at which an order of the crank meets a resonance."""
+
+    order: int = reading("")
+    speed: float = reading("rad/s")
+
+
+@dataclass(frozen=True)
+class ResonanceRow(Record):
+    """A resonance of pipes with shut flanges.
+
+    Attributes:
+        number: along its line.
+        line: "suction" or "discharge".
+        frequency: [Hz]
+        quality: [-] at most 1e6.
+        margin: [-] distance of the nearest order at the speed of the motor, over the frequency.
+        nearest_order: that order.
+        crossings: speeds at which orders meet it.
+    """
+
+    number: int = reading("")
+    line: str = word()
+    frequency: float = reading("Hz")
+    quality: float = reading("")
+    margin: float = reading("")
+    nearest_order: int = reading("")
+    crossings: tuple[Crossing, ...] = part(Crossing)
+
+
+@dataclass(frozen=True)
+class LimitRow(Record):
+    """A pulsation [-] peak to peak over the mean pressure, beside what API 618 allows there."""
+
+    place: str = word()
+    order: int = reading("")
+    value: float = reading("")
+    allowed: float = reading("")
+    margin: float = reading("")
+
+
+@dataclass(frozen=True)
+class ApproachLimit(Record):
+    """A pulsation [-] beside the limit of approach 1."""
+
+    value: float = reading("")
+    allowed: float = reading("")
+
+
+@dataclass(frozen=True)
+class SolvedPulsation(Record):
+    """Pressures, limits and forces of pipes that answer to the cylinders.
+
+    Attributes:
+        pressures: [Pa] by node and kind.
+        spectra: [Pa] amplitudes by node, a list over the orders.
+        limits: of API 618, approach 2 and 3.
+        approach_1: by place.
+        shaking: [N] by run.
+        pressure_drop: [Pa] mean, by part.
+        resolution: [-] last harmonic over the largest.
+        status: how the solution ended.
+        linear_error: [-] of the flow, as waves are not small.
+        mach: [-] largest.
+        remarks: sentences.
+    """
+
+    pressures: dict[str, Any] = reading("Pa", by_name=True)
+    spectra: dict[str, Any] = reading("Pa", by_name=True)
+    limits: tuple[LimitRow, ...] = part(LimitRow)
+    approach_1: dict[str, ApproachLimit] = part(ApproachLimit, by_name=True)
+    shaking: dict[str, Any] = reading("N", by_name=True)
+    pressure_drop: dict[str, Any] = reading("Pa", by_name=True)
+    resolution: float = reading("")
+    status: str = word()
+    linear_error: float = reading("")
+    mach: float = reading("")
+    remarks: Sequence[str] = word()
+
+
+@dataclass(frozen=True)
+class PulsationMap(Record):
+    """Resonances of the pipes of a machine, and the coupled answer if it was solved.
+
+    Attributes:
+        speed: [rad/s] of the motor.
+        lowest_speed, highest_speed: [rad/s] between which orders are looked for.
+        orders: the highest one.
+        resonances: of all lines.
+        solved: the coupled answer.
+    """
+
+    speed: float = reading("rad/s")
+    lowest_speed: float = reading("rad/s")
+    highest_speed: float = reading("rad/s")
+    orders: int = reading("")
+    resonances: tuple[ResonanceRow, ...] = part(ResonanceRow)
+    solved: SolvedPulsation | None = part(SolvedPulsation, optional=True, default=None)
+
+
+def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> PulsationMap:
     """Resonances with the speeds at which orders meet them."""
     from .._core.each import of_cylinder
 
@@ -110,63 +213,56 @@ def _map(compressor: jc.Compressor, motor_speed: float, speeds, orders: int) -> 
             speed = 2 * math.pi * frequency / order
             distances.append(abs(order * motor_speed / (2 * math.pi) / frequency - 1))
             if low <= speed <= high:
-                crossings.append({"order": order, "speed": speed})
-        rows.append(
-            {
-                "number": numbers[resonance.line],
-                "line": resonance.line,
-                "frequency": frequency,
-                "quality": min(float(resonance.quality), 1e6),
-                "margin": min(distances),
-                "nearest_order": 1 + distances.index(min(distances)),
-                "crossings": crossings,
-            }
+                crossings.append(Crossing(order, speed))
+        row = ResonanceRow(
+            number=numbers[resonance.line],
+            line=resonance.line,
+            frequency=frequency,
+            quality=min(float(resonance.quality), 1e6),
+            margin=min(distances),
+            nearest_order=1 + distances.index(min(distances)),
+            crossings=tuple(crossings),
         )
-    return {
-        "speed": motor_speed,
-        "lowest_speed": low,
-        "highest_speed": high,
-        "orders": orders,
-        "resonances": rows,
-    }
+        rows.append(row)
+    return PulsationMap(
+        speed=motor_speed,
+        lowest_speed=low,
+        highest_speed=high,
+        orders=orders,
+        resonances=tuple(rows),
+    )
 
 
-def _solved(pulsation) -> dict[str, Any]:
-    """The coupled answer as plain numbers."""
+def _solved(pulsation) -> SolvedPulsation:
+    """The coupled answer."""
     from .._core.status import names_of_codes
 
     limits = []
     for limit in pulsation.limits:
-        limits.append(
-            {
-                "place": limit.place,
-                "order": limit.order,
-                "value": float(limit.value),
-                "allowed": float(limit.allowed),
-                "margin": float(limit.margin),
-            }
+        row = LimitRow(
+            place=limit.place,
+            order=limit.order,
+            value=float(limit.value),
+            allowed=float(limit.allowed),
+            margin=float(limit.margin),
         )
+        limits.append(row)
     approach_1 = {}
     for name, limit in pulsation.approach_1.items():
-        approach_1[name] = {"value": float(limit.value), "allowed": float(limit.allowed)}
-    return {
-        "pressures": _floats(pulsation.pressures),
-        "spectra": {name: sizes.tolist() for name, sizes in pulsation.spectra().items()},
-        "limits": limits,
-        "approach_1": approach_1,
-        "shaking": _floats(pulsation.shaking_forces),
-        "pressure_drop": _floats(pulsation.mean_drops),
-        "resolution": float(pulsation.resolution),
-        "status": str(names_of_codes(int(pulsation.status._value))),
-        "linear_error": float(pulsation.linear_error),
-        "mach": float(pulsation.mach),
-        "remarks": pulsation.remarks,
-    }
-
-
-def _floats(values: Mapping[str, Any]) -> dict[str, float]:
-    """Numbers of NumPy or JAX as plain ones."""
-    return {name: float(value) for name, value in values.items()}
+        approach_1[name] = ApproachLimit(float(limit.value), float(limit.allowed))
+    return SolvedPulsation(
+        pressures=pulsation.pressures,
+        spectra=pulsation.spectra(),
+        limits=tuple(limits),
+        approach_1=approach_1,
+        shaking=pulsation.shaking_forces,
+        pressure_drop=pulsation.mean_drops,
+        resolution=pulsation.resolution,
+        status=str(names_of_codes(int(pulsation.status._value))),
+        linear_error=pulsation.linear_error,
+        mach=pulsation.mach,
+        remarks=pulsation.remarks,
+    )
 
 
 def pulsation_tables(result: dict[str, Any]) -> Iterator[Any]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import jaxcomp as jc
 
+from .._core.declared import tree_of
 from .._core.display import RPM
-from .._core.nested import plain
 from . import _options as opt
 from ._output import Output, header
 from ._rotor import chosen_excitation, points_and_range, pull_row, rotor_of, whirl
@@ -75,7 +75,7 @@ def respond(
     curves = {"response": motion.columns}
     over = motion.curves
     if over is not None:
-        curves["curves"] = lambda: plain(over.columns())
+        curves["curves"] = lambda: tree_of(over.columns())
 
     def pictures():
         from ..plot._rotor import rotor_motion_figures

@@ -7,6 +7,7 @@ from typing import Any
 
 import jaxcomp as jc
 
+from .._core.declared import Record, reading
 from . import _options as opt
 from ._output import Output, header, print_tables
 from ._run_tables import run_tables, undelivered_tables
@@ -74,8 +75,16 @@ def run(
         pictures,
         scene,
         {"curves": lambda: _curves(state, step)},
-        metadata={**header(scene), "tolerance": method.tolerance, **case.changes},
+        metadata={**header(scene), **case.changes},
+        numbers=RunSettings(method.tolerance),
     )
+
+
+@dataclasses.dataclass(frozen=True)
+class RunSettings(Record):
+    """The tolerance [-] of the periodic state."""
+
+    tolerance: float = reading("")
 
 
 def _curves(state: jc.study.SteadyState, step: float | None) -> dict[str, Any]:

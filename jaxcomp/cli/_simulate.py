@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import typer
 
 import jaxcomp as jc
 
+from .._core.declared import Record, reading
 from . import _options as opt
 from ._output import Output, header
 from ._start import CommandError, refuse, waiting
@@ -101,17 +103,26 @@ def simulate(
     metadata = {
         **header(scene),
         "solver": "Dormand and Prince, events located" if valves else solver,
-        "tolerance": tolerance,
-        "power_off": off,
         **case.changes,
     }
+    settings = SimulationSettings(tolerance, off)
     gas = compressor.gas
     from ..cylinder._waves import is_piped
 
     if isinstance(gas, jc.cylinder.Cylinder) and is_piped(gas):
         metadata["left_out"] = "pipes: the lines keep their mean pressures in time"
     curves = {"motion": motion.columns}
-    output.emit(motion, simulate_tables, figures, scene, curves, metadata=metadata)
+    output.emit(
+        motion, simulate_tables, figures, scene, curves, metadata=metadata, numbers=settings
+    )
+
+
+@dataclass(frozen=True)
+class SimulationSettings(Record):
+    """Tolerance [-] of the integration, and time [s] at which the motor is switched off."""
+
+    tolerance: float = reading("")
+    power_off: float | None = reading("s")
 
 
 def _steps_with_valves(compressor: jc.Compressor, end: float, duration: str) -> tuple[int, int]:

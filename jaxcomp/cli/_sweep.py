@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 
 import jaxcomp as jc
 
+from .._core.declared import QUANTITY, Record, reading
 from .._core.interrupts import words_when_stopped
 from . import _options as opt
 from ._arguments import assignments, si, split_at, with_one_unit
@@ -99,10 +101,10 @@ def sweep(
         else:
             dataset = jc.study.sweep.sweep(scene, axes, quantities, **options)
     if layout_scenes:
-        numbers = {"layouts": _values_of_each(dataset)}
+        answer = LayoutSweep(_values_of_each(dataset))
         tables = partial(layouts_tables, dataset)
     else:
-        numbers = summary(dataset)
+        answer = summary(dataset)
         tables = partial(sweep_tables, dataset)
 
     def pictures():
@@ -113,12 +115,20 @@ def sweep(
         return sweep_figures(dataset, scene.name)
 
     output.emit(
-        {"scene": scene.name, **numbers, "store": store and str(store)},
+        answer,
         tables,
         pictures,
         scene,
         {"designs": lambda: columns(dataset)},
+        metadata={"scene": scene.name, "store": store and str(store)},
     )
+
+
+@dataclass(frozen=True)
+class LayoutSweep(Record):
+    """Quantities [SI] of all designs of each layout, by name, and how each design ended."""
+
+    layouts: dict[str, dict[str, Any]] = reading(QUANTITY)
 
 
 def _layouts_and_ranges(texts: Sequence[str]) -> tuple[list[str], list[str]]:

@@ -118,9 +118,11 @@ def tolerance(
         study = jc.study.tolerance.tolerance(design, variations, quantities, client=client, **drawn)
         partial.finish()
         tighter = [] if rejects is None else permitted_tolerances(study, rejects)
-    metadata: dict[str, Any] = {"scene": scene.name, "balanced": balanced}
+    numbers = None
     if rejects is not None:
-        metadata["permitted"] = tighter
+        from ..study.tolerance._answer import PermittedTolerances
+
+        numbers = PermittedTolerances(tuple(tighter))
 
     def pictures():
         from ..plot._designs import tolerance_figures
@@ -133,7 +135,8 @@ def tolerance(
         pictures,
         scene,
         {"samples": study.columns},
-        metadata=metadata,
+        metadata={"scene": scene.name, "balanced": balanced},
+        numbers=numbers,
     )
 
 

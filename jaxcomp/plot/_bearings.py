@@ -12,7 +12,6 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from .._core.display import RPM, shown
 from .._core.errors import BadInput
-from .._core.nested import plain
 from ..compressor import Compressor
 from ..crank import JournalFilm, LoadedJournal, Orbit, journal_films
 from ..crankshaft._bearings import bearing_names
@@ -360,7 +359,7 @@ def film_coefficients(steady_state: SteadyBearing, model: str = "") -> Figure:
         model: as in `film_figures`.
     """
     film = steady_state.bearing.model
-    result = plain(steady_state)
+    result = steady_state.entries()
     # far enough both ways to show the light load, the heavy load and this one
     running_load = result["phi_p"] or 1.0
     length_ratio = result["length_ratio"]

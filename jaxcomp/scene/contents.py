@@ -1,7 +1,8 @@
 """What a machine file holds: its parts with their values, and the numbers that studies can change."""
 
-from typing import Any
+from dataclasses import dataclass
 
+from .._core.declared import BESIDE, Record, part, reading, word
 from .._core.registry import DESIGN_RULES
 from ..study import variable
 from ..study._variables import list_length, variable_names
@@ -19,7 +20,41 @@ _CORRECTIONS = {
 }
 
 
-def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
+@dataclass(frozen=True)
+class PartContent(Record):
+    """A part of a machine file.
+
+    Attributes:
+        type: word of the section.
+        values: how many it has.
+        defaults: of them by default.
+        without_source: of those in the file without a source.
+    """
+
+    type: str = word()
+    values: int = reading("")
+    defaults: int = reading("")
+    without_source: int = reading("")
+
+
+@dataclass(frozen=True)
+class ListedVariable(Record):
+    """A number of a machine that studies can change."""
+
+    unit: str = word()
+    value: float = reading(BESIDE)
+    bound: str = word()
+    doc: str = word()
+
+
+@dataclass(frozen=True)
+class ListedVariables(Record):
+    """The numbers of a machine that studies can change, by name."""
+
+    variables: dict[str, ListedVariable] = part(ListedVariable, by_name=True)
+
+
+def part_contents(scene: Scene) -> dict[str, PartContent]:
     """Type of each part of a machine, and how many values it has, by default and without a source."""
     contents = {}
     words = {}
@@ -34,12 +69,12 @@ def part_contents(scene: Scene) -> dict[str, dict[str, Any]]:
         in_file = [row for row in of_part if row.given is not None]
         without_source = sum(not row.source for row in in_file)
         if of_part and isinstance(entry, dict | list):
-            contents[name] = {
-                "type": words.get(f"{name}.type", ""),
-                "values": len(of_part),
-                "defaults": len(of_part) - len(in_file),
-                "without_source": without_source,
-            }
+            contents[name] = PartContent(
+                type=words.get(f"{name}.type", ""),
+                values=len(of_part),
+                defaults=len(of_part) - len(in_file),
+                without_source=without_source,
+            )
     return contents
 
 
@@ -52,7 +87,7 @@ def example_values(scene: Scene) -> int:
     return count
 
 
-def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
+def describe_variables(scene: Scene) -> dict[str, ListedVariable]:
     """Unit, value [SI], bound and meaning of each number of a scene that studies can change.
 
     The value of the factor on a list is 1.
@@ -72,12 +107,10 @@ def describe_variables(scene: Scene) -> dict[str, dict[str, Any]]:
     described = {}
     for name in variable_names(machine):
         number = variable(machine, name)
-        value = float(number.current(machine))
-        bound = str(number.bound)
-        described[name] = {
-            "unit": number.unit,
-            "value": value,
-            "bound": bound,
-            "doc": meaning(name),
-        }
+        described[name] = ListedVariable(
+            unit=number.unit,
+            value=float(number.current(machine)),
+            bound=str(number.bound),
+            doc=meaning(name),
+        )
     return described

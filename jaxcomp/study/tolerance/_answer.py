@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
+from ..._core.declared import Record, part, reading, word
 from ..._core.nested import fields_of
 
 # Percentiles of every quantity: the median, 5 % on either side, and three deviations of a normal one.
@@ -23,7 +25,8 @@ UNITS = """
 """
 
 
-class Permitted(NamedTuple):
+@dataclass(frozen=True)
+class Permitted(Record):
     """Tolerances that keep the rejects below a share.
 
     Attributes:
@@ -34,10 +37,17 @@ class Permitted(NamedTuple):
         before: [-] as the tolerances stand.
     """
 
-    variables: tuple[str, ...]
-    factor: float
-    rejects: float
-    before: float
+    variables: tuple[str, ...] = word()
+    factor: float = reading("")
+    rejects: float = reading("")
+    before: float = reading("")
+
+
+@dataclass(frozen=True)
+class PermittedTolerances(Record):
+    """Tolerances that keep the rejects below a share, of all variables and of each."""
+
+    permitted: tuple[Permitted, ...] = part(Permitted)
 
 
 def nested(study: Any) -> dict[str, Any]:
