@@ -72,15 +72,17 @@ def _results_fit_their_schema():
     """Whatever a command under test gives as JSON fits the schema of its results."""
     from helpers import results_validator
 
-    from jaxcomp.cli import _output, _units
+    from jaxcomp.cli import _output
+    from jaxcomp.cli._answers import answers
     from jaxcomp.cli._start import command_name
 
     def checked(result, *given, **options):
         text = made(result, *given, **options)
-        if command_name() in _units.COMMANDS:
+        if command_name() in commands:
             results_validator(command_name()).validate(json.loads(text))
         return text
 
+    commands = answers()
     made = _output.json_text
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_output, "json_text", checked)

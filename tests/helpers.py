@@ -48,7 +48,7 @@ def results_validator(command):
 def _validator(command, quantities):
     from jsonschema import Draft202012Validator
 
-    from jaxcomp.cli._units import results_schema
+    from jaxcomp.cli._answers import results_schema
 
     return Draft202012Validator(results_schema() | {"$ref": f"#/$defs/{command}"})
 

@@ -1,4 +1,4 @@
-"""Results of all commands against the JSON schema of results, which follows from tables of units."""
+"""Results of all commands against the JSON schema of results, which follows from the classes of results."""
 
 import json
 import re
@@ -9,9 +9,9 @@ from helpers import results_validator
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from jaxcomp._core.nested import UnitNote, with_units
+from jaxcomp._core.declared import Note, declarations
 from jaxcomp.cli import app
-from jaxcomp.cli._units import COMMANDS, results_schema, table_of
+from jaxcomp.cli._answers import answers, results_schema
 
 RUNNER = CliRunner()
 BORE = ("--variable", "mechanism.bore=120mm:140mm")
@@ -79,14 +79,11 @@ def test_the_schema_is_printed():
     schema = json.loads(done.stdout)
     assert schema == results_schema()
     Draft202012Validator.check_schema(schema)
-    assert {*COMMANDS} < {*schema["$defs"]}
+    assert {*answers()} < {*schema["$defs"]}
 
 
 def test_a_number_without_its_unit_does_not_fit():
-    good = with_units(
-        {"machine": "one", "mean_speed": 100.0, "losses": {"wall": 1.0}}, table_of("run")
-    )
-    assert set(good) == {"machine", "mean_speed [rad/s]", "losses [J]"}
+    good = {"machine": "one", "mean_speed [rad/s]": 100.0, "losses [J]": {"wall": 1.0}}
     assert wrong_places(good, "run") == []
     for key in ("mean_speed", "mean_speed [rpm]", "unheard_of", "unheard_of [N]"):
         assert len(wrong_places({**good, key: 1.0}, "run")) == 1, key
@@ -99,36 +96,30 @@ def test_a_number_without_its_unit_does_not_fit():
 
 def test_load_steps_fit_the_schema_of_a_run():
     """Each has its name, which is no number, and the pressures between its stages by their numbers."""
-    step = {"name": "full load", "mass_flow": 0.8, "stage_pressures": {"1": 2.4e6}}
-    table = table_of("run")
-    assert wrong_places(with_units({"load_steps": {"steps": [step]}}, table), "run") == []
+    step = {"name": "full load", "mass_flow [kg/s]": 0.8, "stage_pressures [Pa]": {"1": 2.4e6}}
+    assert wrong_places({"load_steps": {"steps": [step]}}, "run") == []
     # nothing but the name goes without its unit
+    step["mass_flow"] = step.pop("mass_flow [kg/s]")
     assert wrong_places({"load_steps": {"steps": [step]}}, "run")
 
 
-def test_a_quantity_keeps_its_own_unit_where_a_key_elsewhere_means_something_else():
-    load = {"measured_on": {"load": 1.5, "cores": 2}, "rows": [{"error": 1e-3, "seconds": 0.1}]}
-    found = with_units(load, table_of("accuracy"))
-    assert found["measured_on"] == {"load": 1.5, "cores": 2}  # of the computer, no force
-    assert found["rows"] == [{"error": 1e-3, "seconds [s]": 0.1}]
-    errors = with_units(
-        {"fit_error": {"power": 0.1}, "values": {"power": [[1.0]], "cop": []}}, table_of("map")
-    )
-    assert errors == {"fit_error": {"power": 0.1}, "values": {"power [W]": [[1.0]], "cop": []}}
-    given = {"vibration_unit": "m/s", "correction_unit": "kg", "rows": [{"before": 1.0}]}
-    assert with_units(given, table_of("balance"))["rows"] == [{"before [m/s]": 1.0}]
+def units_in(kind):
+    """Units of a class and of all records within it."""
+    yield from kind.units_by_name().values()
+    for declaration in declarations(kind).values():
+        if declaration.kind is not None:
+            yield from units_in(declaration.kind)
+        elif declaration.unit and not isinstance(declaration.unit, Note):
+            yield declaration.unit
 
 
-def units_in(table):
-    for told in table.values():
-        if not isinstance(told, str):
-            yield from units_in(told)
-        elif not isinstance(told, UnitNote):
-            yield told
-
-
-def test_tables_have_units_of_si():
+def test_units_are_those_of_si():
     registry = pint.UnitRegistry()
-    for unit in {*(unit for name in COMMANDS for unit in units_in(table_of(name)))} - {""}:
+    units = set()
+    for kinds in answers().values():
+        for kind in kinds:
+            units |= {*units_in(kind)}
+    assert len(units) > 15
+    for unit in units - {""}:
         powers = re.sub(r"(?<=\w) (?=\w)", " * ", unit)
         assert registry.Quantity(1, powers).to_base_units().magnitude == pytest.approx(1), unit

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
 from jaxcomp._core import registry as registry
 from jaxcomp._core.display import shown
-from jaxcomp._core.nested import plain
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import result_files
@@ -56,7 +55,7 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
         pytest.approx(share, rel=1e-14)
     ]
     assert percent in invoke("run", "mayekawa-wbhe")
-    found = plain(steady_state(mayekawa, orbit=orbit))
+    found = steady_state(mayekawa, orbit=orbit).entries()
     result = found | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
     files = result_files("m", {}, result, mayekawa, run_tables(mayekawa, result))
     report = files["report.html"].decode()

@@ -145,7 +145,7 @@ def test_every_load_step_is_a_machine_built_that_way():
         assert 0 < float(idle) < 0.5 * float(cycle.indicated_power)
     assert rows["idle"]["flow_share"] < rows["head end"]["flow_share"] < 0.6
     assert rows["pocket"]["rod_tension"] > 0
-    json.dumps(table.nested())
+    json.dumps(table.entries())
 
 
 @pytest.mark.slow  # compiles values and derivatives

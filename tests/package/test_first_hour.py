@@ -45,7 +45,7 @@ def test_an_answer_that_does_not_help_is_noticed(folder, monkeypatch):
     }
     with chdir(folder):
         assert {first_hour.answer(one)[1]: one for one in wrong.values()} == wrong
-        monkeypatch.setattr("jaxcomp.cli._check.check_result", lambda scene: 1 / 0)
+        monkeypatch.setattr("jaxcomp.cli._check_content.check_result", lambda scene: 1 / 0)
         crash = first_hour.Command(("check", "mayekawa-wbhe"), ())
         assert first_hour.answer(crash)[1] == "a traceback"
 

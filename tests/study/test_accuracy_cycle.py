@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from jaxcomp import accuracy, load
-from jaxcomp._core.nested import plain
 from jaxcomp.cli._accuracy import accuracy_tables
 from jaxcomp.machine import machine_of
 from jaxcomp.study.accuracy import STUDIES, Report
@@ -84,7 +83,7 @@ def test_report_says_whether_derivatives_err_by_at_most_ten_times_as_much(gradie
     texts = [text for text in accuracy_tables(report, 1e-6) if isinstance(text, str)]
     assert any(words in text for text in texts)
     assert any("the first method, beside the second" in text for text in texts)
-    result = plain(report)["derivatives"]
+    result = report.entries()["derivatives"]
     assert result["holds"] == (gradient < 1e-5)
     assert result["ratio"] == pytest.approx(gradient / 1e-6)
 

@@ -223,7 +223,7 @@ def test_a_similar_machine_with_stages_has_one_factor_of_length():
     # of both cylinders alike; rounding of a cube root
     np.testing.assert_allclose(twice.mechanism.swept_volume, [2 * first, 2 * second], rtol=1e-14)
     shown = describe_variables(scene)["similar_swept_volume"]
-    assert shown["value"] == float(first)
+    assert shown.value == float(first)
 
 
 def test_derivatives_of_the_rules_equal_differences(machine):

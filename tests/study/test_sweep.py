@@ -115,7 +115,7 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
     )
     assert found.ok.values.tolist() == [True, True, False]
     assert status_words(found).tolist() == ["converged", "converged", "self_locking"]
-    assert summary(found)["failed_by_status"] == {"self_locking": 1}
+    assert summary(found).failed_by_status == {"self_locking": 1}
     assert columns(found)["status"].tolist() == status_words(found).tolist()
     assert np.isnan(found.mechanical_efficiency.values).tolist() == [False, False, True]
     assert np.isnan(found.motor_power.values[2])
@@ -148,7 +148,7 @@ def test_a_store_that_knows_no_status_goes_on(machine, tmp_path):
     (tmp_path / "out" / "ok" / "c" / "1").unlink()
     old = sweep(*given, **options, out=tmp_path / "out")
     assert status_words(old) is None
-    assert summary(old)["failed_by_status"] == {}
+    assert summary(old).failed_by_status == {}
     assert "status" not in columns(old)
     np.testing.assert_array_equal(old.mechanical_efficiency, new.mechanical_efficiency)
 
