@@ -199,8 +199,10 @@ def _comparison_entries(comparison: jc.study.Comparison | None) -> list[dict[str
     if comparison is None:
         return []
     entries = []
-    for name, unit, (present, optimum) in comparison.rows:
-        entries.append({"name": name, "unit": unit, "present": present, "optimum": optimum})
+    for row in comparison.rows:
+        present, optimum = row.values
+        entry = {"name": row.name, "unit": row.unit, "present": present, "optimum": optimum}
+        entries.append(entry)
     return entries
 
 
