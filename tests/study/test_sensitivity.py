@@ -159,7 +159,7 @@ def test_stated_errors_of_derivatives_hold():
     assert 0 < np.max(share) < 1e-6
     influence = stated.ranking("mechanical_efficiency")[0]
     assert influence.error_share == pytest.approx(influence.error / abs(influence.derivative))
-    assert "error" in stated.nested()["quantities"][0]["numbers"][0]
+    assert "error" in stated.entries()["quantities"][0]["numbers"][0]
 
 
 def test_errors_of_derivatives_are_refused_where_nothing_has_nodes():
