@@ -177,9 +177,10 @@ def comparison_table(comparison: "Comparison") -> Table:
     first, *variants = comparison.labels
     heads = ("Quantities, dimensions", first, *_alternating(variants, ["Change"] * len(variants)))
     cells = []
-    for name, unit, values in comparison.rows:
+    for row in comparison.rows:
+        values = row.values
         # a design without a quantity, as one without valves, has None there
-        look = shown(name, unit, [value for value in values if value is not None])
+        look = shown(row.name, row.unit, [value for value in values if value is not None])
         before, *after = (quantity_text(look, value) for value in values)
         changes = [_change(look, values[0], value) for value in values[1:]]
         cells.append((look.words, before, *_alternating(after, changes)))

@@ -11,7 +11,7 @@ piston these are the loads of its pin.
 """
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import jax
@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.declared import Record, held, part, reading, records_of, word
 from .._core.polynomials import gauss
 from .._core.results import Data, Result
 from ..compressor import Compressor, of_each_cylinder, piston_strokes
@@ -53,8 +54,8 @@ class RodForces(NamedTuple):
         force: [N] (2, h) amplitudes of primary and secondary along x and y, complex.
         couple: [N m] (2, h) about x and y, likewise.
         width: [rad] (p,) of the panels.
-        throws: dimensions of each throw by their names in `ProcessSheet.throws`, each (k,).
-        ends: what each end of the cylinders has, by end and its names in `ProcessSheet.ends`, each (k,).
+        throws: dimensions of each throw by their names in `ThrowData`, each (k,).
+        ends: quantities of each end of the cylinders, by end and their names in `EndData`, each (k,).
     """
 
     gas: Float[Array, "k n"]
@@ -236,6 +237,88 @@ def _ends_with_valves(cycle: Cycle | SeveralCycles) -> dict[str, dict[str, Any]]
     return ends
 
 
+@dataclasses.dataclass(frozen=True)
+class ThrowData(Record):
+    """Dimensions of a throw, and the loads along its rod.
+
+    Attributes:
+        cylinder: its number, from one.
+        bore, stroke: [m]
+        rod_diameter: [m] of the piston rod; NaN without one.
+        piston_speed: [m/s] mean.
+        reciprocating_mass: [kg]
+        gas_compression, gas_tension: [N] largest of the gas.
+        inertia_compression, inertia_tension: [N] largest of the inertia.
+        combined_compression, combined_tension: [N] largest of both together.
+        combined_compression_at, combined_tension_at: [rad] crank angles of these.
+        reversal_angle: [rad] for which the combined load is on its shorter side.
+        reversal_share: [-] smaller over larger side of the combined load.
+    """
+
+    cylinder: int = reading("")
+    bore: float = reading("m")
+    stroke: float = reading("m")
+    rod_diameter: float = reading("m")
+    piston_speed: float = reading("m/s")
+    reciprocating_mass: float = reading("kg")
+    gas_compression: float = reading("N")
+    gas_tension: float = reading("N")
+    inertia_compression: float = reading("N")
+    inertia_tension: float = reading("N")
+    combined_compression: float = reading("N")
+    combined_tension: float = reading("N")
+    combined_compression_at: float = reading("rad")
+    combined_tension_at: float = reading("rad")
+    reversal_angle: float = reading("rad")
+    reversal_share: float = reading("")
+
+
+@dataclasses.dataclass(frozen=True)
+class EndData(Record):
+    """Conditions of a compressing end of a cylinder.
+
+    Attributes:
+        cylinder: its number, from one.
+        stage: its number, from one.
+        end: "head" or "crank".
+        suction_pressure, discharge_pressure: [Pa]
+        pressure_ratio: [-]
+        inlet_temperature, discharge_temperature: [K] NaN where the gas has no temperature.
+        displacement: [m^3/s]
+        clearance_ratio: [-]
+        volumetric_efficiency: [-]
+    """
+
+    cylinder: int = reading("")
+    stage: int = reading("")
+    end: str = word()
+    suction_pressure: float = reading("Pa")
+    discharge_pressure: float = reading("Pa")
+    pressure_ratio: float = reading("")
+    inlet_temperature: float = reading("K")
+    discharge_temperature: float = reading("K")
+    displacement: float = reading("m^3/s")
+    clearance_ratio: float = reading("")
+    volumetric_efficiency: float = reading("")
+
+
+@dataclasses.dataclass(frozen=True)
+class UnbalancedForces(Record):
+    """Amplitudes of the forces and couples of an order that the throws leave.
+
+    Attributes:
+        order: 1 of primary and 2 of secondary.
+        force_x, force_y: [N]
+        couple_x, couple_y: [N m]
+    """
+
+    order: int = reading("")
+    force_x: float = reading("N")
+    force_y: float = reading("N")
+    couple_x: float = reading("N m")
+    couple_y: float = reading("N m")
+
+
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ProcessSheet(Result):
     """Data sheet of API 618 of a machine: its throws, the ends of its cylinders, its shaking.
@@ -249,30 +332,20 @@ class ProcessSheet(Result):
         crosshead: whether the rods have crossheads; the page is printed of such machines.
     """
 
-    crank_angle: np.ndarray
-    gas: np.ndarray
-    inertia: np.ndarray
-    combined: np.ndarray
-    throws: tuple[dict[str, Any], ...]
-    ends: tuple[dict[str, Any], ...]
-    unbalanced: tuple[dict[str, Any], ...]
-    crosshead: bool
+    crank_angle: np.ndarray = reading("rad", "crank_angle", table_only=True)
+    gas: np.ndarray = held()
+    inertia: np.ndarray = held()
+    combined: np.ndarray = held()
+    throws: tuple[ThrowData, ...] = part(ThrowData)
+    ends: tuple[EndData, ...] = part(EndData)
+    unbalanced: tuple[UnbalancedForces, ...] = part(UnbalancedForces)
+    crosshead: bool = word()
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
-    nested_units: ClassVar[str] = """
-        throws: cylinder; bore, stroke, rod_diameter [m]; piston_speed [m/s]; reciprocating_mass [kg]
-        throws: gas_compression, gas_tension, inertia_compression, inertia_tension [N]
-        throws: combined_compression, combined_tension [N]; reversal_angle [rad]; reversal_share
-        throws: combined_compression_at, combined_tension_at [rad]
-        ends: cylinder, stage; suction_pressure, discharge_pressure [Pa]; pressure_ratio
-        ends: inlet_temperature, discharge_temperature [K]; displacement [m^3/s]; clearance_ratio
-        ends: volumetric_efficiency
-        unbalanced: order; force_x, force_y [N]; couple_x, couple_y [N m]
-    """
 
     def described(self) -> Iterator[Data]:
         """The loads along the rods over the crank angle."""
-        yield Data("crank_angle", "rad", self.crank_angle, self.table_dims)
+        yield from self.data_of("crank_angle")
         yield from self.curves()
 
     def curves(self) -> Iterator[Data]:
@@ -284,15 +357,6 @@ class ProcessSheet(Result):
                     suffix = f".{number}"
                 doc = "along the rod, tension positive"
                 yield Data(f"{kind}_rod_load{suffix}", "N", load, self.table_dims, doc)
-
-    def nested(self) -> dict[str, Any]:
-        """Throws, ends and shaking by their names."""
-        return {
-            "crosshead": self.crosshead,
-            "throws": _copies(self.throws),
-            "ends": _copies(self.ends),
-            "unbalanced": _copies(self.unbalanced),
-        }
 
 
 def process_sheet(compressor: Compressor, orbit: Orbit, forces: RodForces) -> ProcessSheet:
@@ -312,16 +376,12 @@ def process_sheet(compressor: Compressor, orbit: Orbit, forces: RodForces) -> Pr
         combined=forces.gas + forces.inertia,
         throws=tuple(_throws(forces)),
         ends=tuple(_rows_of_ends(forces)),
-        unbalanced=tuple(_unbalanced(forces)),
+        unbalanced=_unbalanced(forces),
         crosshead=packed or rod is not None,
     )
 
 
-def _copies(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    return [dict(record) for record in records]
-
-
-def _rows_of_ends(forces: RodForces) -> Iterator[dict[str, Any]]:
+def _rows_of_ends(forces: RodForces) -> Iterator[EndData]:
     for number in range(len(forces.gas)):
         # a compiled function returns its keys sorted
         for end in ("head", "crank"):
@@ -330,7 +390,7 @@ def _rows_of_ends(forces: RodForces) -> Iterator[dict[str, Any]]:
             columns = forces.ends[end]
             numbers = {name: float(column[number]) for name, column in columns.items()}
             stage = int(numbers.pop("stage"))
-            yield {"cylinder": number + 1, "stage": stage, "end": end, **numbers}
+            yield EndData(cylinder=number + 1, stage=stage, end=end, **numbers)
 
 
 class _Sampled(NamedTuple):
@@ -375,13 +435,11 @@ class _Sampled(NamedTuple):
         return float(np.sum(step * share))
 
 
-def _throws(forces: RodForces) -> Iterator[dict[str, Any]]:
+def _throws(forces: RodForces) -> Iterator[ThrowData]:
     wide = forces.width > _NO_WIDTH
     angle = forces.angle[wide]
     for number in range(len(forces.gas)):
-        record: dict[str, Any] = {"cylinder": number + 1}
-        for name, column in forces.throws.items():
-            record[name] = float(column[number])
+        numbers = {name: float(column[number]) for name, column in forces.throws.items()}
         loads = {
             "gas": forces.fine_gas[number, wide],
             "inertia": forces.fine_inertia[number, wide],
@@ -391,16 +449,16 @@ def _throws(forces: RodForces) -> Iterator[dict[str, Any]]:
             sampled = _Sampled(angle, load)
             compression, compression_at = sampled.negative().largest()
             tension, tension_at = sampled.largest()
-            record[f"{kind}_compression"] = max(compression, 0.0)
-            record[f"{kind}_tension"] = max(tension, 0.0)
+            numbers[f"{kind}_compression"] = max(compression, 0.0)
+            numbers[f"{kind}_tension"] = max(tension, 0.0)
             if kind == "combined":
-                record["combined_compression_at"] = _within_turn(compression_at)
-                record["combined_tension_at"] = _within_turn(tension_at)
+                numbers["combined_compression_at"] = _within_turn(compression_at)
+                numbers["combined_tension_at"] = _within_turn(tension_at)
                 pulled = sampled.tension_angle()
-                record["reversal_angle"] = min(pulled, 2 * np.pi - pulled)
-                sides = record["combined_compression"], record["combined_tension"]
-                record["reversal_share"] = min(sides) / max(*sides, 1e-300)
-        yield record
+                numbers["reversal_angle"] = min(pulled, 2 * np.pi - pulled)
+                sides = numbers["combined_compression"], numbers["combined_tension"]
+                numbers["reversal_share"] = min(sides) / max(*sides, 1e-300)
+        yield ThrowData(cylinder=number + 1, **numbers)
 
 
 def _within_turn(angle: float) -> float:
@@ -408,9 +466,14 @@ def _within_turn(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _unbalanced(forces: RodForces) -> Iterator[dict[str, Any]]:
+def _unbalanced(forces: RodForces) -> tuple[UnbalancedForces, ...]:
     sizes = np.abs(np.concatenate([forces.force, forces.couple]))
-    for order in ORDERS:
-        names = ("force_x", "force_y", "couple_x", "couple_y")
-        column = sizes[:, order - 1].tolist()
-        yield {"order": order, **dict(zip(names, column, strict=True))}
+    force_x, force_y, couple_x, couple_y = sizes[:, [order - 1 for order in ORDERS]]
+    return records_of(
+        UnbalancedForces,
+        order=ORDERS,
+        force_x=force_x,
+        force_y=force_y,
+        couple_x=couple_x,
+        couple_y=couple_y,
+    )

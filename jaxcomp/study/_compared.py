@@ -7,7 +7,7 @@ gain. Here the same cylinder, gas, motor, shaft and bearings are driven either w
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.declared import BESIDE, Record, computed, part, reading, word
 from .._core.errors import BadInput, MissingPart
 from .._core.exported import kept_jit
 from .._core.fields import (
@@ -169,23 +170,26 @@ class DriveComparison(Result, eqx.Module):
             sliding pair loses stands against the piston pin.
     """
 
-    slider_link: Orbit
-    connecting_rod: Orbit
-    saving: dict[str, Float[Array, "*n"]]
+    slider_link: Orbit = part(Orbit)
+    connecting_rod: Orbit = part(Orbit)
+    saving: dict[str, Float[Array, "*n"]] = reading(
+        "W", "pair", doc="at the gas power of the slider-link"
+    )
 
     table_dims: ClassVar[tuple[str, ...]] = ("pair",)
 
-    @property
-    def total_saving(self) -> Float[Array, "*n"]:
-        """[W] at the shaft."""
+    @computed("W", doc="at the shaft")
+    def total_saving(self) -> Any:
+        """[W] Saving of all pairs at the shaft."""
         return sum(self.saving.values(), start=jnp.zeros_like(self.slider_link.gas_power))
 
     def described(self) -> Iterator[Data]:
         """Savings by the rod, and the numbers of both periodic states, whose curves are in these."""
         yield Data("pair", "", np.array(list(self.saving)), self.table_dims)
-        saving = np.stack([*self.saving.values()], axis=-1)
-        yield Data("saving", "W", saving, self.table_dims, "at the gas power of the slider-link")
-        yield Data("total_saving", "W", self.total_saving, doc="at the shaft")
+        savings = np.stack([*self.saving.values()], axis=-1)
+        for entry in self.data_of("saving"):
+            yield entry._replace(values=savings)
+        yield from self.data_of("total_saving")
         for drive in ("slider_link", "connecting_rod"):
             for entry in getattr(self, drive).described():
                 if not entry.dims:
@@ -216,7 +220,8 @@ def compare_drives(
     return DriveComparison(link, crank, saving)
 
 
-class ComparedQuantity(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class ComparedQuantity(Record):
     """A quantity or dimension of several designs.
 
     Attributes:
@@ -225,9 +230,9 @@ class ComparedQuantity(NamedTuple):
         values: [SI] of each design, `None` where one has no such thing.
     """
 
-    name: str
-    unit: str
-    values: tuple[float | None, ...]
+    name: str = word()
+    unit: str = word()
+    values: tuple[float | None, ...] = reading(BESIDE)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -240,20 +245,15 @@ class Comparison(Result):
     """
 
     labels: tuple[str, ...]
-    rows: tuple[ComparedQuantity, ...]
+    rows: tuple[ComparedQuantity, ...] = part(ComparedQuantity, key="figures")
 
     table_dims: ClassVar[tuple[str, ...]] = ("design",)
-    nested_units: ClassVar[str] = "figures: values {beside}"
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, NaN where a design has no such thing."""
         yield Data("design", "", np.array(self.labels), self.table_dims)
         for row in self.rows:
             yield Data(row.name, row.unit, np.array(row.values, float), self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Every row with its unit beside it."""
-        return {"figures": self.rows}
 
 
 def compare(
@@ -384,9 +384,9 @@ def _family(name: str) -> str:
 
 def _dimensions(machine: Any) -> Iterator[tuple[str, tuple[str, float]]]:
     compressor = _described(machine).compressor
-    for path, part in subparts(compressor):
-        for name, field in quantities(part):
-            value = getattr(part, name)
+    for path, component in subparts(compressor):
+        for name, field in quantities(component):
+            value = getattr(component, name)
             if value is not None and not np.ndim(value):
                 place = name
                 if path:

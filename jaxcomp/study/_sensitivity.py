@@ -2,7 +2,7 @@ r"""How much a quantity of a machine changes with each of its numbers."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -11,6 +11,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
+from .._core.declared import (
+    BESIDE,
+    RATIO,
+    Record,
+    computed_part,
+    held,
+    part,
+    reading,
+    records_of,
+    word,
+)
 from .._core.display import Shown, is_temperature, shown, small_unit
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
@@ -42,146 +53,8 @@ _ROUNDING = 1e-12
 _MORE_NODES = 4
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Sensitivity(Result):
-    """Derivatives of quantities with respect to every number of a machine.
-
-    Attributes:
-        quantities: names (quantities,).
-        quantity_units: SI units of them.
-        value: [SI] (quantities,)
-        numbers: names (numbers,) of the numbers, see `Variable`.
-        parts: the same in words.
-        units: SI units of the numbers.
-        present: [SI] (numbers,) the numbers as the machine stands.
-        derivative: [SI] (quantities, numbers)
-        ok: whether all of it can be relied on.
-        derivative_error: [SI] (quantities, numbers) stated errors of the derivatives; `None` unless they
-            were asked for.
-    """
-
-    quantities: tuple[str, ...]
-    quantity_units: tuple[str, ...]
-    value: Float[np.ndarray, " quantities"]
-    numbers: tuple[str, ...]
-    parts: tuple[str, ...]
-    units: tuple[str, ...]
-    present: Float[np.ndarray, " numbers"]
-    derivative: Float[np.ndarray, "quantities numbers"]
-    ok: bool
-    derivative_error: Float[np.ndarray, "quantities numbers"] | None = None
-
-    table_dims: ClassVar[tuple[str, ...]] = ("number",)
-    nested_units: ClassVar[str] = """
-        quantities: value {beside}
-        quantities.numbers: value {beside}; elasticity; derivative {ratio}; error {ratio}
-    """
-
-    @property
-    def elasticity(self) -> Float[np.ndarray, "quantities numbers"]:
-        """[-] Relative change of a quantity over that of a number.
-
-        NaN where there is none: the number or the quantity is zero, or the number is an angle or a
-        temperature, whose zero means nothing.
-        """
-        levels = []
-        for name, unit in zip(self.numbers, self.units, strict=True):
-            levels.append(unit == "rad" or is_temperature(name, unit))
-        none = (self.present == 0) | np.array(levels) | (self.value == 0)[:, None]
-        value = np.where(none, np.nan, self.value[:, None])
-        return self.derivative * self.present / value
-
-    def described(self) -> Iterator[Data]:
-        """The quantities of this result in SI units; the table has a row for each number."""
-        pairs = list(zip(self.quantities, self.quantity_units, strict=True))
-        for place, (name, unit) in enumerate(pairs):
-            yield Data(name, unit, self.value[place])
-        yield Data("number", "", np.array(self.numbers), ("number",))
-        yield Data("part", "", np.array(self.parts), ("number",))
-        yield Data("present", "", self.present, ("number",), "value in the SI unit beside it")
-        yield Data("unit", "", np.array([unit or "1" for unit in self.units]), ("number",))
-        elasticity = self.elasticity
-        for place, (name, unit) in enumerate(pairs):
-            yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))
-            per = f"{unit or '1'} per SI unit of the number"
-            yield Data(f"derivative.{name}", per, self.derivative[place], ("number",))
-            if self.derivative_error is not None:
-                yield Data(f"error.{name}", per, self.derivative_error[place], ("number",))
-
-    def nested(self) -> dict[str, Any]:
-        """Every quantity with the numbers that it depends on, the largest influence first."""
-
-        def number(influence):
-            elasticity = None
-            if influence.relative:
-                elasticity = influence.elasticity
-            entry = {
-                "name": influence.number,
-                "words": influence.part,
-                "unit": influence.unit,
-                "value": influence.present,
-                "elasticity": elasticity,
-                "derivative": influence.derivative,
-            }
-            if self.derivative_error is not None:
-                entry["error"] = influence.error
-            return entry
-
-        rows = []
-        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
-            numbers = [*map(number, self.ranking(name))]
-            rows.append({"name": name, "unit": unit, "value": value, "numbers": numbers})
-        return {"quantities": rows}
-
-    def ranking(self, quantity: str) -> list["Influence"]:
-        """The numbers that a quantity depends on, the largest elasticity first.
-
-        Those without an elasticity follow, by their derivative within a unit.
-
-        Raises:
-            BadInput: a quantity that was not asked for.
-        """
-        if quantity not in self.quantities:
-            raise BadInput("quantity", quantity, f"one of {', '.join(self.quantities)}")
-        place = self.quantities.index(quantity)
-        value = self.value[place]
-        elasticity = self.elasticity[place]
-        errors = np.full(len(self.numbers), np.nan)
-        if self.derivative_error is not None:
-            errors = self.derivative_error[place]
-        look = shown(quantity, self.quantity_units[place], value)
-        rows = zip(
-            self.numbers,
-            self.parts,
-            self.units,
-            self.present.tolist(),
-            elasticity.tolist(),
-            self.derivative[place].tolist(),
-            [look] * len(self.numbers),
-            errors.tolist(),
-            strict=True,
-        )
-        influences = [Influence(*row) for row in rows]
-
-        def order(influence):
-            if influence.relative:
-                return False, "", -abs(influence.elasticity)
-            return True, influence.unit, -abs(influence.derivative)
-
-        return sorted(filter(_counts, influences), key=order)
-
-    def _rows(self) -> Iterator[tuple[str, str]]:
-        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
-            look = shown(name, unit, value)
-            ranked = self.ranking(name)
-            yield look.words, look.text(float(value))
-            for influence in ranked[:10]:
-                yield f"  {influence.part} {influence.value}", influence.change
-            if len(ranked) > 10:
-                yield f"  and {len(ranked) - 10} more", "in `.to_pandas()`"
-
-
-class Influence(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Influence(Record):
     """Influence of one number on one quantity.
 
     Attributes:
@@ -192,17 +65,17 @@ class Influence(NamedTuple):
         elasticity: [-] NaN where there is none, see `Sensitivity.elasticity`.
         derivative: [SI] of the quantity over the number.
         quantity: how the quantity is shown.
-        error: [SI] stated error of the derivative; NaN where it was not asked for.
+        error: [SI] stated error of the derivative; `None` where it was not asked for.
     """
 
-    number: str
-    part: str
-    unit: str
-    present: float
-    elasticity: float
-    derivative: float
-    quantity: Shown
-    error: float = np.nan
+    number: str = word(key="name")
+    part: str = word(key="words")
+    unit: str = word()
+    present: float = reading(BESIDE, key="value")
+    elasticity: float = reading("")
+    derivative: float = reading(RATIO)
+    quantity: Shown = held()
+    error: float | None = reading(RATIO, optional=True, default=None)
 
     @property
     def relative(self) -> bool:
@@ -229,7 +102,9 @@ class Influence(NamedTuple):
 
     @property
     def error_share(self) -> float:
-        """[-] Stated error of the derivative over it."""
+        """[-] Stated error of the derivative over it; NaN where it was not asked for."""
+        if self.error is None:
+            return np.nan
         return self.error / abs(self.derivative)
 
     @property
@@ -240,6 +115,142 @@ class Influence(NamedTuple):
             return f"{self.rise:+.3g} {unit} per %"
         rise = f"{self.rise:+.3g} {self.quantity.unit}"
         return f"{rise.rstrip()} per {small_unit(self.unit)[0] or 'unit'}"
+
+
+@dataclasses.dataclass(frozen=True)
+class QuantityInfluences(Record):
+    """A quantity with the influences of all numbers on it.
+
+    Attributes:
+        name: of the quantity.
+        unit: SI unit.
+        value: [SI]
+        numbers: their influences, the largest first.
+    """
+
+    name: str = word()
+    unit: str = word()
+    value: float = reading(BESIDE)
+    numbers: tuple[Influence, ...] = part(Influence)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Result):
+    """Derivatives of quantities with respect to every number of a machine.
+
+    Attributes:
+        quantities: names (quantities,).
+        quantity_units: SI units of them.
+        value: [SI] (quantities,)
+        numbers: names (numbers,) of the numbers, see `Variable`.
+        parts: the same in words.
+        units: SI units of the numbers.
+        present: [SI] (numbers,) the numbers as the machine stands.
+        derivative: [SI] (quantities, numbers)
+        ok: whether all of it can be relied on.
+        derivative_error: [SI] (quantities, numbers) stated errors of the derivatives; `None` unless they
+            were asked for.
+    """
+
+    quantities: tuple[str, ...]
+    quantity_units: tuple[str, ...]
+    value: Float[np.ndarray, " quantities"]
+    numbers: tuple[str, ...]
+    parts: tuple[str, ...]
+    units: tuple[str, ...]
+    present: Float[np.ndarray, " numbers"] = reading(
+        "", "number", doc="value in the SI unit beside it", table_only=True
+    )
+    derivative: Float[np.ndarray, "quantities numbers"] = held()
+    ok: bool = held()
+    derivative_error: Float[np.ndarray, "quantities numbers"] | None = held(default=None)
+
+    table_dims: ClassVar[tuple[str, ...]] = ("number",)
+
+    @property
+    def elasticity(self) -> Float[np.ndarray, "quantities numbers"]:
+        """[-] Relative change of a quantity over that of a number.
+
+        NaN where there is none: the number or the quantity is zero, or the number is an angle or a
+        temperature, whose zero means nothing.
+        """
+        levels = []
+        for name, unit in zip(self.numbers, self.units, strict=True):
+            levels.append(unit == "rad" or is_temperature(name, unit))
+        none = (self.present == 0) | np.array(levels) | (self.value == 0)[:, None]
+        value = np.where(none, np.nan, self.value[:, None])
+        return self.derivative * self.present / value
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units; the table has a row for each number."""
+        pairs = list(zip(self.quantities, self.quantity_units, strict=True))
+        for place, (name, unit) in enumerate(pairs):
+            yield Data(name, unit, self.value[place])
+        yield Data("number", "", np.array(self.numbers), ("number",))
+        yield Data("part", "", np.array(self.parts), ("number",))
+        yield from self.data_of("present")
+        yield Data("unit", "", np.array([unit or "1" for unit in self.units]), ("number",))
+        elasticity = self.elasticity
+        for place, (name, unit) in enumerate(pairs):
+            yield Data(f"elasticity.{name}", "", elasticity[place], ("number",))
+            per = f"{unit or '1'} per SI unit of the number"
+            yield Data(f"derivative.{name}", per, self.derivative[place], ("number",))
+            if self.derivative_error is not None:
+                yield Data(f"error.{name}", per, self.derivative_error[place], ("number",))
+
+    @computed_part(QuantityInfluences, key="quantities")
+    def influences(self) -> list[QuantityInfluences]:
+        """Every quantity with the numbers that it depends on, the largest influence first."""
+        rows = []
+        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
+            rows.append(QuantityInfluences(name, unit, float(value), tuple(self.ranking(name))))
+        return rows
+
+    def ranking(self, quantity: str) -> list[Influence]:
+        """The numbers that a quantity depends on, the largest elasticity first.
+
+        Those without an elasticity follow, by their derivative within a unit.
+
+        Raises:
+            BadInput: a quantity that was not asked for.
+        """
+        if quantity not in self.quantities:
+            raise BadInput("quantity", quantity, f"one of {', '.join(self.quantities)}")
+        place = self.quantities.index(quantity)
+        value = self.value[place]
+        elasticity = self.elasticity[place]
+        errors = [None] * len(self.numbers)
+        if self.derivative_error is not None:
+            errors = self.derivative_error[place].tolist()
+        look = shown(quantity, self.quantity_units[place], value)
+        influences = records_of(
+            Influence,
+            number=self.numbers,
+            part=self.parts,
+            unit=self.units,
+            present=self.present,
+            elasticity=elasticity,
+            derivative=self.derivative[place],
+            quantity=[look] * len(self.numbers),
+            error=errors,
+        )
+
+        def order(influence):
+            if influence.relative:
+                return False, "", -abs(influence.elasticity)
+            return True, influence.unit, -abs(influence.derivative)
+
+        return sorted(filter(_counts, influences), key=order)
+
+    def _rows(self) -> Iterator[tuple[str, str]]:
+        for name, unit, value in zip(self.quantities, self.quantity_units, self.value, strict=True):
+            look = shown(name, unit, value)
+            ranked = self.ranking(name)
+            yield look.words, look.text(float(value))
+            for influence in ranked[:10]:
+                yield f"  {influence.part} {influence.value}", influence.change
+            if len(ranked) > 10:
+                yield f"  and {len(ranked) - 10} more", "in `.to_pandas()`"
 
 
 def _counts(influence: Influence) -> bool:

@@ -2,17 +2,28 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax
 
+from .._core.declared import (
+    NAMED,
+    Measured,
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    held,
+    part,
+    reading,
+    word,
+)
 from .._core.display import ZERO_CELSIUS
 from .._core.each import of_cylinder
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
-from .._core.nested import Table
 from .._core.registry import Quantity, offered_values, registered
 from .._core.results import Data, Result
 from .._core.status import Status
@@ -42,12 +53,79 @@ if TYPE_CHECKING:
     from ..crank import Shooting, TimeIntegration
     from ..vibration import BlockVibration
 
-# Families of quantities whose numbers stand under another name.
+# Families of quantities whose numbers stand under another name in JSON.
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
 # What API 618 asks of the load of a crosshead pin: crank angle, and share of the larger side as it is
 # usually quoted.
 _REVERSAL = math.radians(15)
 _REVERSED = 0.03
+
+
+# SI units of `SteadyState.numbers`.
+_UNITS = {
+    "motor_work": "J",
+    "gas_work": "J",
+    "gas_work_error": "J",
+    "losses": "J",
+    "lowest_speed": "rad/s",
+    "highest_speed": "rad/s",
+    "period": "s",
+    "stroke": "m",
+    "energy_residual": "",
+    "residual": "",
+    "resolution": "",
+    "cycle_resolution": "",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class RodReversal(Record):
+    """Reversal of the load of a crosshead pin.
+
+    Attributes:
+        angle: [rad] for which the load is on its shorter side.
+        share: [-] smaller over larger side.
+    """
+
+    angle: float = reading("rad")
+    share: float = reading("")
+
+
+@dataclasses.dataclass(frozen=True)
+class MovedFilm(Record):
+    """Film of a journal with a steady film, if it moved.
+
+    Attributes:
+        film_thickness: [m] least of a revolution.
+        loss: [W] mean of film and contact.
+    """
+
+    film_thickness: Any = reading("m")
+    loss: Any = reading("W")
+
+
+@dataclasses.dataclass(frozen=True)
+class VerificationErrors(Record):
+    """Errors of an orbit by an independent integration: its values less those of the integration.
+
+    Attributes:
+        speed: largest, over the mean speed.
+        period, mechanical_efficiency, gas_work: of the numbers of these names.
+        losses, peak_forces: by joint.
+        closure: of the integration: by how much the revolution misses its start.
+        steps: of the integration.
+        status: how it ended.
+    """
+
+    speed: float = reading("")
+    period: float = reading("")
+    mechanical_efficiency: float = reading("")
+    losses: dict[str, float] = reading("")
+    gas_work: float = reading("")
+    peak_forces: dict[str, float] = reading("")
+    closure: float = reading("")
+    steps: int = reading("")
+    status: str = word()
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -61,8 +139,7 @@ class SteadyState(Result):
         quantities: [SI] of crank and gas, by name, or by name and joint, valve, order ...
         numbers: [SI] stroke, period, works and losses of a revolution, extreme speeds, residuals.
         films: "orbit" or "steady_load", by which each oil film of a journal was solved.
-        rod_load_reversal: angle [rad] and share [-] of `jaxcomp.crank.rod_load_reversal`, by crosshead
-            pin.
+        rod_load_reversal: of `jaxcomp.crank.rod_load_reversal`, by crosshead pin.
         remarks: sentences on numbers that do not mean what their names say.
         moved_films: what journals with steady films would do if they moved, where it was asked for.
         vibration: of the suspended block; `None` without a suspension.
@@ -78,41 +155,100 @@ class SteadyState(Result):
     quantities: dict[str, Any]
     numbers: dict[str, Any]
     films: dict[str, str]
-    rod_load_reversal: dict[str, dict[str, float]]
-    remarks: tuple[str, ...]
-    moved_films: dict[str, JournalFilm] | None = None
-    vibration: "BlockVibration | None" = None
-    torsion: TrainTorques | None = None
-    api_618: ProcessSheet | None = None
-    load_steps: Result | None = None
+    rod_load_reversal: dict[str, RodReversal]
+    remarks: tuple[str, ...] = word()
+    moved_films: dict[str, JournalFilm] | None = held(default=None)
+    # Of classes that are imported where a machine needs them; the schema of `jaxcomp run` names them.
+    vibration: "BlockVibration | None" = part(None, optional=True, default=None)
+    torsion: TrainTorques | None = part(TrainTorques, optional=True, default=None)
+    api_618: ProcessSheet | None = part(ProcessSheet, optional=True, default=None)
+    load_steps: Result | None = part(None, optional=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
-    nested_units: ClassVar[str] = """
-        motor_work, gas_work, gas_work_error, losses [J]; lowest_speed, highest_speed [rad/s]
-        peak_forces, mean_forces [N]; period [s]; stroke [m]
-        energy_residual, residual, resolution, loss_share, iterations, cycle_resolution
-        rod_load_reversal.*: angle [rad]; share
-        verification: speed, period, mechanical_efficiency, losses, gas_work, peak_forces, closure, steps
-        moved_films.*: film_thickness [m]; loss [W]
-    """
+
+    @classmethod
+    def units_by_name(cls) -> Mapping[str, str]:
+        """Units of the registered quantities, and of what else a revolution has."""
+        units = {}
+        for quantity in registered():
+            name = quantity.family or quantity.name
+            units[_KEYS.get(name, name)] = quantity.unit
+        return units | _UNITS
+
+    @computed(NAMED, inline=True)
+    def _numbers_by_key(self) -> dict[str, Measured]:
+        """Quantities and numbers by their names in JSON."""
+        return {_KEYS.get(name, name): number for name, number in self._measured().items()}
+
+    @computed("W")
+    def loss_power(self) -> dict[str, float]:
+        """[W] Mean power that each joint loses, also where it has no law of friction."""
+        period = self.numbers["period"]
+        return {name: loss / period for name, loss in self.numbers["losses"].items()}
+
+    @computed("")
+    def loss_share(self) -> dict[str, float]:
+        """[-] Share of each joint in all losses."""
+        losses = self.numbers["losses"]
+        total = sum(losses.values())
+        if not total:
+            return dict.fromkeys(losses, 0.0)
+        return {name: loss / total for name, loss in losses.items()}
+
+    @computed("")
+    def iterations(self) -> int:
+        """[-] Iterations of the solver."""
+        return int(self.orbit.iterations)
+
+    @computed_word()
+    def converged(self) -> bool:
+        """Whether the solution converged."""
+        return bool(self.orbit.converged)
 
     @property
     def status(self) -> Status:
         """Status of the solution."""
         return self.orbit.status
 
-    @property
+    @computed_word(key="status")
+    def _status_words(self) -> str:
+        """Status of the solution in words."""
+        return Status[self.orbit.status]
+
+    @computed_word()
     def solver(self) -> str:
         """Name of the solver."""
         return self.orbit.solver
 
-    @classmethod
-    def units_of_nested(cls) -> Table:
-        """The unit of every number of `nested`, of the registered quantities as well."""
-        units = {}
-        for quantity in registered():
-            units[quantity.family or quantity.name] = quantity.unit
-        return units | super().units_of_nested()
+    @computed_word(optional=True)
+    def film_law(self) -> dict[str, str] | None:
+        """Law by which each oil film of a journal was solved; `None` without oil films."""
+        return self.films or None
+
+    @computed_part(RodReversal, by_name=True, optional=True, key="rod_load_reversal")
+    def _reversals(self) -> dict[str, RodReversal] | None:
+        """Reversal by crosshead pin; `None` without crossheads."""
+        return self.rod_load_reversal or None
+
+    @computed_part(VerificationErrors, optional=True)
+    def verification(self) -> VerificationErrors | None:
+        """Errors by an independent integration, where it was asked for."""
+        return _verification(self.orbit)
+
+    @computed_part(MovedFilm, by_name=True, optional=True, key="moved_films")
+    def _films_that_move(self) -> dict[str, MovedFilm] | None:
+        """Films that journals with steady films would have if they moved, where it was asked for."""
+        if self.moved_films is None:
+            return None
+        return {name: _moved_film(film) for name, film in self.moved_films.items()}
+
+    def _measured(self) -> dict[str, Measured]:
+        """Quantities and numbers with their units."""
+        units = self.units_by_name()
+        measured = {}
+        for name, value in {**self.quantities, **self.numbers}.items():
+            measured[name] = Measured(value, units[_KEYS.get(name, name)])
+        return measured
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, and the curves over the revolution.
@@ -120,13 +256,12 @@ class SteadyState(Result):
         Beside those of the orbit these are the films of the journals and the pressures behind
         double-acting pistons.
         """
-        units = self.units_of_nested()
-        for name, value in {**self.quantities, **self.numbers}.items():
+        for name, (value, unit) in self._measured().items():
             if isinstance(value, dict):
                 for member, number in value.items():
-                    yield Data(f"{name}.{member}", str(units[name]), number)
+                    yield Data(f"{name}.{member}", unit, number)
             else:
-                yield Data(name, str(units[name]), value)
+                yield Data(name, unit, value)
         for entry in self.orbit.described():
             if entry.dims:
                 yield entry
@@ -144,10 +279,10 @@ class SteadyState(Result):
         for name, film in journal_films(compressor, self.orbit).items():
             yield Data(f"eccentricity.{name}.x", "", film.position[0], at)
             yield Data(f"eccentricity.{name}.y", "", film.position[1], at)
-            yield Data(f"film_pressure.{name}", "Pa", film.pressure, at)
-            yield Data(f"film_flow.{name}", "m^3/s", film.flow, at)
+            curves = {f"film_pressure.{name}": "pressure", f"film_flow.{name}": "flow"}
             for loss in ("shear_loss", "squeeze_loss", "contact_loss"):
-                yield Data(f"{loss}.{name}", "W", getattr(film, loss), at)
+                curves[f"{loss}.{name}"] = loss
+            yield from film.data_of(dims=at, **curves)
 
     def _crank_end_curves(self) -> Iterator[Data]:
         """Pressures behind double-acting pistons, of several by their numbers."""
@@ -160,45 +295,6 @@ class SteadyState(Result):
             if len(behind) > 1:
                 suffix = f".{number}"
             yield Data(f"crank_end_pressure{suffix}", "Pa", pressure, self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Quantities, works and losses, residuals, films, remarks; what the machine has."""
-        orbit = self.orbit
-        losses = self.numbers["losses"]
-        period = self.numbers["period"]
-        total = sum(losses.values())
-        moved = None
-        if self.moved_films is not None:
-            moved = {name: _film_summary(film) for name, film in self.moved_films.items()}
-        quantities = {}
-        for name, value in self.quantities.items():
-            quantities[_KEYS.get(name, name)] = value
-        shares = dict.fromkeys(losses, 0.0)
-        if total:
-            shares = {name: loss / total for name, loss in losses.items()}
-        parts = {
-            "film_law": self.films or None,
-            "rod_load_reversal": self.rod_load_reversal or None,
-            "verification": _verification(orbit),
-            "moved_films": moved,
-            "vibration": self.vibration,
-            "torsion": self.torsion,
-            "api_618": self.api_618,
-            "load_steps": self.load_steps,
-        }
-        parts_of_machine = {name: part for name, part in parts.items() if part is not None}
-        return {
-            **quantities,
-            **self.numbers,
-            "loss_power": {name: loss / period for name, loss in losses.items()},
-            "loss_share": shares,
-            "iterations": int(orbit.iterations),
-            "converged": bool(orbit.converged),
-            "status": Status[orbit.status],
-            "solver": orbit.solver,
-            "remarks": list(self.remarks),
-            **parts_of_machine,
-        }
 
 
 def steady_state(
@@ -353,7 +449,7 @@ def _numbers(
     return offered_values(offered, result), numbers, forces
 
 
-def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
+def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, RodReversal]:
     """Reversal of the rod load at every crosshead pin; nothing of a machine without crossheads."""
     packed = getattr(compressor.friction, "packing", None) is not None
     double_acting = getattr(compressor.gas, "rod_diameter", None) is not None
@@ -361,17 +457,17 @@ def _rods(compressor: Compressor, orbit: Orbit) -> dict[str, dict[str, float]]:
         return {}
     rods = {}
     for name, (angle, share) in rod_load_reversal(orbit).items():
-        rods[name] = {"angle": float(angle), "share": float(share)}
+        rods[name] = RodReversal(float(angle), float(share))
     return rods
 
 
-def _film_summary(film: JournalFilm) -> dict[str, Any]:
-    """Least thickness [m] and mean loss [W] of a journal that moves."""
+def _moved_film(film: JournalFilm) -> MovedFilm:
+    """Least thickness and mean loss of a journal that moves."""
     loss = film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss
-    return {"film_thickness": film.minimum_film, "loss": loss}
+    return MovedFilm(film.minimum_film, loss)
 
 
-def _verification(orbit: Orbit) -> dict[str, Any] | None:
+def _verification(orbit: Orbit) -> VerificationErrors | None:
     """Errors by an independent integration: the orbit's value less that of the integration."""
     march = orbit.verification
     if march is None:
@@ -385,8 +481,8 @@ def _verification(orbit: Orbit) -> dict[str, Any] | None:
         "peak_forces": {name: -error for name, error in march.peak_error.items()},
         "closure": march.closure,
     }
-    ended = {"steps": int(march.steps), "status": Status[march.status]}
-    return jax.tree.map(float, errors) | ended
+    numbers: dict[str, Any] = jax.tree.map(float, errors)
+    return VerificationErrors(**numbers, steps=int(march.steps), status=Status[march.status])
 
 
 def _remarks_on_range(cycle: Any) -> Iterator[str]:
@@ -434,14 +530,14 @@ def _remarks_on_stability(cycle: Any) -> Iterator[str]:
 
 
 def _remarks(
-    compressor: Compressor, margins: dict[str, float], rods: dict[str, dict[str, float]]
+    compressor: Compressor, margins: dict[str, float], rods: dict[str, RodReversal]
 ) -> Iterator[str]:
     """Reasons why numbers of a result do not mean what their names say."""
     for name, rod in rods.items():
-        if rod["angle"] < _REVERSAL or rod["share"] < _REVERSED:
+        if rod.angle < _REVERSAL or rod.share < _REVERSED:
             yield (
                 f"The load of {name.replace('_', ' ')} is reversed for "
-                f"{math.degrees(rod['angle']):.3g} degrees with {100 * rod['share']:.2g} % of its larger "
+                f"{math.degrees(rod.angle):.3g} degrees with {100 * rod.share:.2g} % of its larger "
                 "side: the pin may run dry (API 618 asks for 15 degrees and 3 %)."
             )
     if compressor.frictionless:

@@ -17,12 +17,12 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from .._core.declared import NAMED, Measured, Note, computed, held, reading, word
 from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput, kind_text
 from .._core.exported import kept_jit
 from .._core.extremes import max_of, min_of
 from .._core.fields import rebuilt, replaced
-from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..compressor import Compressor, HasCompressor, compressor_of
@@ -100,6 +100,8 @@ QUANTITIES = (
     ("overall_efficiency", "", False),
     ("discharge_temperature", "K", False),
 )
+# Unit of coefficients.
+_BY_CELSIUS = Note("in SI units, temperatures in degrees Celsius")
 
 
 class RatingMap(Result, eqx.Module):
@@ -116,51 +118,39 @@ class RatingMap(Result, eqx.Module):
         reference: what both temperatures are: those of "dew" points, or "mean" ones.
     """
 
-    evaporating: Float[Array, " n"]
-    condensing: Float[Array, " m"]
-    values: dict[str, Float[Array, "n m"]]
-    ok: Bool[Array, "n m"]
-    coefficients: dict[str, Float[Array, "10"]]
-    fit_error: dict[str, Float[Array, ""]]
-    rating: str = eqx.field(static=True)
-    reference: Reference = eqx.field(static=True, default="dew")
+    evaporating: Float[Array, " n"] = reading("K", "evaporating")
+    condensing: Float[Array, " m"] = reading("K", "condensing")
+    values: dict[str, Float[Array, "n m"]] = held()
+    ok: Bool[Array, "n m"] = word()
+    coefficients: dict[str, Float[Array, "10"]] = reading(_BY_CELSIUS, "coefficient")
+    fit_error: dict[str, Float[Array, ""]] = reading("")
+    rating: str = word(static=True)
+    reference: Reference = word(static=True, default="dew")
 
     table_dims: ClassVar[tuple[str, ...]] = ("evaporating", "condensing")
-    nested_units: ClassVar[str] = """
-        evaporating, condensing [K]
-        values|polynomial_error: power [W]; * {named}
-        coefficients: * {celsius}
-        fit_error
-    """
+
+    @computed(NAMED, key="values")
+    def _measured_values(self) -> dict[str, Measured]:
+        """Values by name."""
+        return _measured(self.values)
+
+    @computed(NAMED, key="polynomial_error")
+    def _measured_errors(self) -> dict[str, Measured]:
+        """Errors of the polynomials by name."""
+        return _measured(self.polynomial_error)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         at = self.table_dims
-        yield Data("evaporating", "K", self.evaporating, at[:1])
-        yield Data("condensing", "K", self.condensing, at[1:])
-        for name, unit, _ in QUANTITIES:
-            yield Data(name, unit, self.values[name], at)
+        yield from self.data_of("evaporating", "condensing")
+        for name, (values, unit) in _measured(self.values).items():
+            yield Data(name, unit, values, at)
         yield Data("ok", "", self.ok, at)
         for name, row in self.coefficients.items():
             yield Data(f"coefficients.{name}", "", row, ("coefficient",))
             yield Data(f"fit_error.{name}", "", self.fit_error[name])
-        units = {name: unit for name, unit, _ in QUANTITIES}
-        for name, errors in self.polynomial_error.items():
-            yield Data(f"polynomial_error.{name}", units[name], errors, at)
-
-    def nested(self) -> dict[str, Any]:
-        """Temperatures, values and coefficients by name."""
-        names = (
-            "rating",
-            "reference",
-            "evaporating",
-            "condensing",
-            "ok",
-            "values",
-            "coefficients",
-            "fit_error",
-        )
-        return fields_of(self, *names, "polynomial_error")
+        for name, (errors, unit) in _measured(self.polynomial_error).items():
+            yield Data(f"polynomial_error.{name}", unit, errors, at)
 
     @property
     def polynomial_error(self) -> dict[str, Float[Array, "n m"]]:
@@ -180,6 +170,15 @@ class RatingMap(Result, eqx.Module):
             row, column = np.unravel_index(np.nanargmax(relative), errors.shape)
             worst[name] = float(self.evaporating[row]), float(self.condensing[column])
         return worst
+
+
+def _measured(values: dict[str, Any]) -> dict[str, Measured]:
+    """Numbers by the names of `QUANTITIES`, in their order, with units."""
+    measured = {}
+    for name, unit, _ in QUANTITIES:
+        if name in values:
+            measured[name] = Measured(values[name], unit)
+    return measured
 
 
 def at_rating(

@@ -139,8 +139,8 @@ def test_two_ends_are_those_of_an_own_program_in_time():
     solved = along_rod(orbit, machine.compressor, angle)
     np.testing.assert_allclose(solved, wanted, atol=1e-8 * np.ptp(wanted))
     # its extremes lie between steps of the march
-    assert 0 <= sheet.throws[0]["gas_tension"] / wanted.max() - 1 < 1e-5
-    assert 0 <= sheet.throws[0]["gas_compression"] / -wanted.min() - 1 < 1e-5
+    assert 0 <= sheet.throws[0].gas_tension / wanted.max() - 1 < 1e-5
+    assert 0 <= sheet.throws[0].gas_compression / -wanted.min() - 1 < 1e-5
 
 
 def sorted_turn(angle, values):

@@ -123,28 +123,28 @@ def test_every_load_step_is_a_machine_built_that_way():
         LoadStep("idle", unloaded=[0.0, 1.0], pockets=[1.0, 0.0]),
     )
     table = load_steps(Machine(throw(cylinder(load_steps=steps))))
-    rows = {row["name"]: row for row in table.rows()}
+    rows = {row.name: row for row in table.rows()}
     assert list(rows) == ["full load", "pocket", "half pocket", "head end", "idle"]
     swept = np.pi / 4 * BORE**2 * 2 * RADIUS
     plain = {"suction_valve": plate_valve(SUCTION), "pocket": None}
     for name, share in (("full load", 0.0), ("pocket", 1.0), ("half pocket", 0.5)):
         built = cylinder(clearance_ratio=HEAD + share * POCKET / swept, **plain)
         orbit = solve_orbit(throw(built))
-        np.testing.assert_allclose(rows[name]["mass_flow"], orbit.cycle.mass_flow, rtol=1e-9)
-        np.testing.assert_allclose(rows[name]["shaft_power"], orbit.motor_power, rtol=1e-9)
+        np.testing.assert_allclose(rows[name].mass_flow, orbit.cycle.mass_flow, rtol=1e-9)
+        np.testing.assert_allclose(rows[name].shaft_power, orbit.motor_power, rtol=1e-9)
     # without the crank end: what the idle end costs is its own work
     for name, share in (("head end", 0.0), ("idle", 1.0)):
         alone = cylinder(clearance_ratio=HEAD + share * POCKET / swept, crank_end=None, **plain)
         cycle = solve_cycle(alone, throw(alone).mechanism, SPEED)
         row = rows[name]
         state = table.states[table.names.index(name)]
-        np.testing.assert_allclose(row["mass_flow"], cycle.mass_flow, rtol=1e-9)
+        np.testing.assert_allclose(row.mass_flow, cycle.mass_flow, rtol=1e-9)
         idle = end_of(state.orbit, 1).indicated_power
-        np.testing.assert_allclose(row["gas_power"], cycle.indicated_power + idle, rtol=1e-9)
+        np.testing.assert_allclose(row.gas_power, cycle.indicated_power + idle, rtol=1e-9)
         # valves of this size cost much
         assert 0 < float(idle) < 0.5 * float(cycle.indicated_power)
-    assert rows["idle"]["flow_share"] < rows["head end"]["flow_share"] < 0.6
-    assert rows["pocket"]["rod_tension"] > 0
+    assert rows["idle"].flow_share < rows["head end"].flow_share < 0.6
+    assert rows["pocket"].rod_tension > 0
     json.dumps(table.entries())
 
 

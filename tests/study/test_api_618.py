@@ -99,39 +99,41 @@ def test_extremes_and_reversal_are_those_of_numpy(case):
     for kind, along in kinds.items():
         # between points 1.6e-5 rad apart; corners of the gas load cost the first order
         size = 1e-9 * np.abs(along).max()
-        assert record[f"{kind}_tension"] == pytest.approx(along.max(), rel=1e-4, abs=size)
-        assert record[f"{kind}_compression"] == pytest.approx(-along.min(), rel=1e-4, abs=size)
+        assert getattr(record, f"{kind}_tension") == pytest.approx(along.max(), rel=1e-4, abs=size)
+        assert getattr(record, f"{kind}_compression") == pytest.approx(
+            -along.min(), rel=1e-4, abs=size
+        )
     combined = gas + inertia
     pulled = np.mean(combined[:-1] > 0) * 2 * np.pi
-    assert record["reversal_angle"] == pytest.approx(min(pulled, 2 * np.pi - pulled), abs=1e-4)
+    assert record.reversal_angle == pytest.approx(min(pulled, 2 * np.pi - pulled), abs=1e-4)
     sides = combined.max(), -combined.min()
-    assert record["reversal_share"] == pytest.approx(min(sides) / max(sides), rel=1e-4)
-    at = record["combined_tension_at"], record["combined_compression_at"]
+    assert record.reversal_share == pytest.approx(min(sides) / max(sides), rel=1e-4)
+    at = record.combined_tension_at, record.combined_compression_at
     assert loads(np.array(at), both_ends)[0] + loads(np.array(at), both_ends)[1] == pytest.approx(
         [combined.max(), combined.min()], rel=1e-4
     )
     # the largest inertia is m r w^2 (1 + r/l), at the top dead centre
-    assert record["inertia_tension"] == pytest.approx(
+    assert record.inertia_tension == pytest.approx(
         MASS * RADIUS * SPEED**2 * (1 + RADIUS / LENGTH), rel=1e-9
     )
-    assert record["piston_speed"] == pytest.approx(2 * RADIUS * SPEED / np.pi, rel=1e-12)
-    assert record["reciprocating_mass"] == MASS
+    assert record.piston_speed == pytest.approx(2 * RADIUS * SPEED / np.pi, rel=1e-12)
+    assert record.reciprocating_mass == MASS
 
 
 def test_ends_have_their_ratios_temperatures_and_volumes(case):
     sheet, both_ends = case
-    assert [end["end"] for end in sheet.ends] == (["head", "crank"] if both_ends else ["head"])
+    assert [end.end for end in sheet.ends] == (["head", "crank"] if both_ends else ["head"])
     area, rod = np.pi / 4 * BORE**2, np.pi / 4 * ROD**2
     areas, clearances = (area, area - rod), (HEAD, CRANK)
     for end, surface, clearance in zip(sheet.ends, areas, clearances, strict=False):
         ratio = HIGH / LOW
-        assert end["pressure_ratio"] == pytest.approx(ratio, rel=1e-12)
+        assert end.pressure_ratio == pytest.approx(ratio, rel=1e-12)
         hot = 305.0 * ratio ** ((EXPONENT - 1) / EXPONENT)
-        assert end["discharge_temperature"] == pytest.approx(hot, rel=1e-12)
+        assert end.discharge_temperature == pytest.approx(hot, rel=1e-12)
         filling = 1 + clearance - clearance * ratio ** (1 / EXPONENT)
-        assert end["volumetric_efficiency"] == pytest.approx(filling, rel=1e-12)
+        assert end.volumetric_efficiency == pytest.approx(filling, rel=1e-12)
         displacement = surface * 2 * RADIUS * SPEED / (2 * np.pi)
-        assert end["displacement"] == pytest.approx(displacement, rel=1e-12)
+        assert end.displacement == pytest.approx(displacement, rel=1e-12)
 
 
 def test_unbalanced_forces_are_the_orders_of_the_piston(case):
@@ -139,31 +141,31 @@ def test_unbalanced_forces_are_the_orders_of_the_piston(case):
     angle = 2 * np.pi * np.arange(4096) / 4096
     force = -MASS * acceleration(angle)
     for record in sheet.unbalanced:
-        amplitude = 2 * abs(np.mean(force * np.exp(-1j * record["order"] * angle)))
+        amplitude = 2 * abs(np.mean(force * np.exp(-1j * record.order * angle)))
         # the quadrature of 32 nodes
-        assert record["force_x"] == pytest.approx(amplitude, rel=1e-6)
-        assert record["force_y"] < 1e-9 * amplitude
+        assert record.force_x == pytest.approx(amplitude, rel=1e-6)
+        assert record.force_y < 1e-9 * amplitude
 
 
 def test_stages_have_pages_of_their_own():
     found = steady_state(load("two-stage-crosshead"))
     sheet = found.api_618
     assert sheet.crosshead
-    assert [end["stage"] for end in sheet.ends] == [1, 1, 2, 2]
+    assert [end.stage for end in sheet.ends] == [1, 1, 2, 2]
     between = found.quantities["stage_pressure"]["1"]
-    assert sheet.ends[1]["discharge_pressure"] == pytest.approx(between, rel=1e-12)
-    assert sheet.ends[2]["suction_pressure"] == pytest.approx(between, rel=1e-12)
+    assert sheet.ends[1].discharge_pressure == pytest.approx(between, rel=1e-12)
+    assert sheet.ends[2].suction_pressure == pytest.approx(between, rel=1e-12)
     # a boxer's forces cancel, its couples do not
-    scale = sheet.throws[0]["inertia_compression"]
+    scale = sheet.throws[0].inertia_compression
     for record in sheet.unbalanced:
-        assert max(record["force_x"], record["force_y"]) < 1e-9 * scale
+        assert max(record.force_x, record.force_y) < 1e-9 * scale
     primary, secondary = sheet.unbalanced
-    assert primary["couple_y"] > secondary["couple_y"] > 100
+    assert primary.couple_y > secondary.couple_y > 100
     # with friction of crosshead and packing, which the standard leaves out
     for number, record in enumerate(sheet.throws, 1):
         rubbed = found.rod_load_reversal[f"piston_pin_{number}"]
-        assert record["reversal_angle"] == pytest.approx(rubbed["angle"], abs=0.02)
-        assert record["reversal_share"] == pytest.approx(rubbed["share"], abs=0.02)
+        assert record.reversal_angle == pytest.approx(rubbed.angle, abs=0.02)
+        assert record.reversal_share == pytest.approx(rubbed.share, abs=0.02)
     assert {"gas_rod_load.1 [N]", "combined_rod_load.2 [N]"} <= {*found.columns()}
 
 

@@ -35,16 +35,16 @@ def test_stages_of_the_process_compressor_pass_on_one_flow(table):
 @pytest.mark.slow  # as above
 def test_load_steps_of_the_process_compressor_fall_in_flow_and_power(table):
     rows = table.rows()
-    flows = [row["mass_flow"] for row in rows]
-    powers = [row["shaft_power"] for row in rows]
+    flows = [row.mass_flow for row in rows]
+    powers = [row.shaft_power for row in rows]
     assert flows == sorted(flows, reverse=True)
     assert powers == sorted(powers, reverse=True)
     # pockets take a sixth, idle crank ends about half of the flow
-    shares = [row["flow_share"] for row in rows]
+    shares = [row.flow_share for row in rows]
     assert 0.8 < shares[1] < 0.95
     assert 0.45 < shares[2] < 0.55
     # every step turns the load of the pins around for longer than the standard asks, 15 degrees
-    assert all(row["reversal_angle"] > np.deg2rad(15) for row in rows)
+    assert all(row.reversal_angle > np.deg2rad(15) for row in rows)
 
 
 @pytest.mark.slow  # as above
@@ -101,25 +101,25 @@ def agrees(printed: list[float], computed: list[float]) -> None:
 @pytest.mark.slow  # as above
 def test_the_page_prints_what_is_computed(table):
     for printed, row in zip(rows_of("load step | flow"), table.rows(), strict=True):
-        loads = row["rod_compression"] / 1e3, row["rod_tension"] / 1e3
-        reversal = np.rad2deg(row["reversal_angle"]), 100 * row["reversal_share"]
-        flow = 1e3 * row["mass_flow"], 100 * row["flow_share"]
-        power = row["shaft_power"] / 1e3, row["mean_torque"]
-        hottest = row["discharge_temperature"] - 273.15
+        loads = row.rod_compression / 1e3, row.rod_tension / 1e3
+        reversal = np.rad2deg(row.reversal_angle), 100 * row.reversal_share
+        flow = 1e3 * row.mass_flow, 100 * row.flow_share
+        power = row.shaft_power / 1e3, row.mean_torque
+        hottest = row.discharge_temperature - 273.15
         # the smallest shares have two digits
         np.testing.assert_allclose(
             printed, [*flow, *power, *loads, *reversal, hottest], rtol=1e-3, atol=0.05
         )
     sheet = table.states[0].api_618
     for printed, end in zip(rows_of("at the stated"), sheet.ends, strict=True):
-        bars = end["suction_pressure"] / 1e5, end["discharge_pressure"] / 1e5
-        warm = end["discharge_temperature"] - 273.15
-        agrees(printed, [*bars, warm, *(100 * end[name] for name in ENDS)])
+        bars = end.suction_pressure / 1e5, end.discharge_pressure / 1e5
+        warm = end.discharge_temperature - 273.15
+        agrees(printed, [*bars, warm, *(100 * getattr(end, name) for name in ENDS)])
     for printed, throw in zip(rows_of("kN"), sheet.throws, strict=True):
-        reversal = np.rad2deg(throw["reversal_angle"]), 100 * throw["reversal_share"]
-        agrees(printed, [*(throw[name] / 1e3 for name in LOADS), *reversal])
-    couples = [row["couple_y"] / 1e3 for row in sheet.unbalanced]
-    couples.append(sheet.unbalanced[0]["couple_x"] / 1e3)
+        reversal = np.rad2deg(throw.reversal_angle), 100 * throw.reversal_share
+        agrees(printed, [*(getattr(throw, name) / 1e3 for name in LOADS), *reversal])
+    couples = [row.couple_y / 1e3 for row in sheet.unbalanced]
+    couples.append(sheet.unbalanced[0].couple_x / 1e3)
     printed = re.findall(r"([\d.]+) kN m", PAGE)
     agrees([float(number) for number in printed], couples)
 
