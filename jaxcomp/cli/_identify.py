@@ -15,7 +15,6 @@ import typer
 import jaxcomp as jc
 
 from .._core.display import Shown, is_temperature, shown
-from .._core.nested import plain
 from ._arguments import assignments, si, speed_of, split_at
 from ._map import axis
 from ._options import Case, Solver, chosen_solver
@@ -187,7 +186,7 @@ def identify(
         identified_scene(scene, identification),
         curves,
         files=lambda: {
-            "identified.json": json.dumps(plain(identification.nested()), indent=1),
+            "identified.json": json.dumps(identification.entries(), indent=1),
             "tolerances.toml": identified_tolerances(identification),
         },
         metadata=metadata,
@@ -255,21 +254,18 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
 def _constants(identification, name: str):
     """The constants before and after, with their standard errors."""
     rows = []
-    for parameter in identification.nested()["parameters"]:
-        path = parameter["name"]
-        unit = parameter["unit"]
-        share = parameter["prior_share"]
-        look = Shown(path, unit, 1.0)
-        if is_temperature(path, unit):
-            look = shown(path, unit, 0.0)
+    for parameter in identification.estimates:
+        look = Shown(parameter.name, parameter.unit, 1.0)
+        if is_temperature(parameter.name, parameter.unit):
+            look = shown(parameter.name, parameter.unit, 0.0)
         rows.append(
             (
-                path,
+                parameter.name,
                 look.units,
-                look.number(parameter["start"]),
-                look.number(parameter["estimate"]),
-                f"{parameter['standard_error']:.5g}",
-                number_text(share, ".0%"),
+                look.number(parameter.start),
+                look.number(parameter.estimate),
+                f"{parameter.standard_error:.5g}",
+                number_text(parameter.prior_share, ".0%"),
             )
         )
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 from jaxcomp import BadInput, Collocation, load, load_result, solve_orbit
 from jaxcomp.cli import app
 from jaxcomp.cli._accuracy import extremes_tables
-from jaxcomp.cli._output import plain
 from jaxcomp.plot._accuracy import extreme_errors
 from jaxcomp.study.accuracy import extremes
 from jaxcomp.study.accuracy._extremes import FAMILIES, WITH_VALVES, scaled
@@ -65,7 +64,7 @@ def test_table_picture_and_result_have_every_case(found, cases, tmp_path):
     table, _, *words = extremes_tables(found)
     assert table.row_count == len(cases)
     assert len(words) == sum(not case.good for case in cases) > 0
-    result = plain(found.nested())
+    result = found.entries()
     assert json.dumps(result, allow_nan=False)
     assert [row["setting"] for row in result["rows"]] == [case.setting for case in cases]
     labels = [t.get_text() for t in extreme_errors(found).axes[0].get_yticklabels()]
