@@ -263,21 +263,18 @@ def identification_tables(identification, name: str) -> Iterator[Any]:
 def _constants(identification, name: str):
     """The constants before and after, with their standard errors."""
     rows = []
-    for parameter in identification.entries()["parameters"]:
-        path = parameter["name"]
-        unit = parameter["unit"]
-        share = parameter["prior_share"]
-        look = Shown(path, unit, 1.0)
-        if is_temperature(path, unit):
-            look = shown(path, unit, 0.0)
+    for parameter in identification.estimates:
+        look = Shown(parameter.name, parameter.unit, 1.0)
+        if is_temperature(parameter.name, parameter.unit):
+            look = shown(parameter.name, parameter.unit, 0.0)
         rows.append(
             (
-                path,
+                parameter.name,
                 look.units,
-                look.number(parameter["start"]),
-                look.number(parameter["estimate"]),
-                f"{parameter['standard_error']:.5g}",
-                number_text(share, ".0%"),
+                look.number(parameter.start),
+                look.number(parameter.estimate),
+                f"{parameter.standard_error:.5g}",
+                number_text(parameter.prior_share, ".0%"),
             )
         )
     heads = ("Constant", "Unit", "Before", "Identified", "Standard error", "Left of prior")

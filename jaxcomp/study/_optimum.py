@@ -3,25 +3,41 @@
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from .._core.declared import (
+    BESIDE,
+    NAMED,
+    NUMBER,
+    QUANTITY,
+    Measured,
+    Note,
+    Record,
+    computed,
+    computed_part,
+    held,
+    part,
+    reading,
+    records_of,
+    word,
+)
 from .._core.display import shown
-from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from ..machine import Machine
 from ._compared import Comparison, compare
 from ._descent import BETTER, Descent
 from ._goal import FEASIBLE, Goal, Point, Ranges
-from ._problem import Problem, may_need
+from ._problem import Problem, may_need, measured_by_name
 
 _SIGNS = {"upper": "<=", "lower": ">=", "equal": "="}  # of a side
 
 
-class Constrained(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Constrained(Record):
     """One side of a constraint at the optimum.
 
     Attributes:
@@ -33,19 +49,22 @@ class Constrained(NamedTuple):
         violation: [-] in spreads of the quantity over the sample; zero inside.
         excess: [SI] of the quantity, by which the constraint is broken; zero inside, not a number in
             results that were saved before it was told.
+        unit: SI unit of the quantity; none in such results.
     """
 
-    name: str
-    side: str
-    bound: float
-    value: float
-    active: bool
-    multiplier: float
-    violation: float
-    excess: float = math.nan
+    name: str = word()
+    side: str = word()
+    bound: float = reading(BESIDE)
+    value: float = reading(BESIDE)
+    active: bool = word()
+    multiplier: float = reading(Note("in the unit of the objective over that of the quantity"))
+    violation: float = reading("")
+    excess: float = reading(BESIDE, default=math.nan)
+    unit: str = word(default="")
 
 
-class Start(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Start(Record):
     """One start of a search, and its end.
 
     Attributes:
@@ -64,18 +83,18 @@ class Start(NamedTuple):
         solved: (steps,) whether the design that was tried could be solved.
     """
 
-    start: Float[np.ndarray, " variables"]
-    values: Float[np.ndarray, " variables"]
-    objective: float
-    violation: float
-    stationarity: float
-    status: str
-    steps: int
-    agrees: bool
-    path: Float[np.ndarray, "steps variables"]
-    objectives: Float[np.ndarray, " steps"]
-    slopes: Float[np.ndarray, " steps"]
-    solved: Bool[np.ndarray, " steps"]
+    start: Float[np.ndarray, " variables"] = reading(NUMBER)
+    values: Float[np.ndarray, " variables"] = reading(NUMBER)
+    objective: float = reading(QUANTITY)
+    violation: float = reading("")
+    stationarity: float = reading("")
+    status: str = word()
+    steps: int = reading("")
+    agrees: bool = word()
+    path: Float[np.ndarray, "steps variables"] = reading(NUMBER)
+    objectives: Float[np.ndarray, " steps"] = reading(QUANTITY)
+    slopes: Float[np.ndarray, " steps"] = reading("")
+    solved: Bool[np.ndarray, " steps"] = word()
 
 
 class Sample(NamedTuple):
@@ -104,6 +123,75 @@ class Sample(NamedTuple):
         if self.best is not None:
             places = np.concatenate([[self.best], places[places != self.best]])
         return self.values[places[:count]]
+
+
+@dataclasses.dataclass(frozen=True)
+class OptimisedVariable(Record):
+    """A variable at the optimum.
+
+    Attributes:
+        name: of it.
+        unit: its SI unit.
+        low, high: [SI] ends of its range.
+        present, value: [SI] in the design as it stands, and at the optimum.
+        gradient: [SI] of the objective there.
+        at_bound: "low" or "high" where it ended on a bound of its range.
+    """
+
+    name: str = word()
+    unit: str = word()
+    low: float = reading(BESIDE)
+    high: float = reading(BESIDE)
+    present: float = reading(BESIDE)
+    value: float = reading(BESIDE)
+    gradient: float = reading(BESIDE)
+    at_bound: str | None = word()
+
+
+@dataclasses.dataclass(frozen=True)
+class OptimisedObjective(Record):
+    """The objective at the optimum.
+
+    Attributes:
+        name: of the quantity; "residuals" with targets.
+        unit: its SI unit.
+        maximised: whether it was made large.
+        present: [SI] of the design as it stands; `None` where it was not in the sample.
+        value: [SI] at the optimum.
+    """
+
+    name: str = word()
+    unit: str = word()
+    maximised: bool = word()
+    present: float | None = reading(BESIDE)
+    value: float = reading(BESIDE)
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleCount(Record):
+    """A sample in numbers.
+
+    Attributes:
+        count: of its designs.
+        feasible: those that could be solved and keep the constraints.
+    """
+
+    count: int = reading("")
+    feasible: int = reading("")
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleInShort(SampleCount):
+    """A sample in numbers, with its best design.
+
+    Attributes:
+        count, feasible: as in `SampleCount`.
+        solved: designs that could be solved.
+        best_objective: [SI] of the best of those that keep the constraints; `None` without any.
+    """
+
+    solved: int = reading("")
+    best_objective: float | None = reading(QUANTITY)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -143,27 +231,66 @@ class Optimum(Result):
     objective_name: str
     maximised: bool
     quantities: dict[str, float]
-    status: str
-    feasible: bool
-    stationarity: float
-    gradient: dict[str, float]
-    at_bound: dict[str, str]
-    constraints: tuple[Constrained, ...]
-    starts: tuple[Start, ...]
-    sample: Sample
-    verdict: str
-    local: bool
-    evaluations: int
+    status: str = word()
+    feasible: bool = word()
+    stationarity: float = reading("")
+    gradient: dict[str, float] = held()
+    at_bound: dict[str, str] = held()
+    constraints: tuple[Constrained, ...] = part(Constrained)
+    starts: tuple[Start, ...] = part(Start)
+    sample: Sample = held()
+    verdict: str = word()
+    local: bool = word()
+    evaluations: int = reading("")
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
-    nested_units: ClassVar[str] = """
-        variables|objective: low, high, present, value, gradient {beside}
-        constraints: * {beside}
-        quantities {named}; stationarity, agreeing, evaluations
-        starts: start, values, path {number}; objective, objectives {quantity}
-        starts: violation, stationarity, steps, slopes
-        sample: count, solved, feasible; best_objective {quantity}
-    """
+
+    @computed_part(OptimisedVariable)
+    def variables(self) -> tuple[OptimisedVariable, ...]:
+        """(variables,) Every variable with its range, as it stands and at the optimum."""
+        names = self.problem.variable_names
+        return records_of(
+            OptimisedVariable,
+            name=names,
+            unit=self.problem.variable_units,
+            low=self.ranges.low,
+            high=self.ranges.high,
+            present=self.problem.current,
+            value=map(self.values.get, names),
+            gradient=map(self.gradient.get, names),
+            at_bound=map(self.at_bound.get, names),
+        )
+
+    @computed_part(OptimisedObjective, key="objective")
+    def objective_compared(self) -> OptimisedObjective:
+        """The objective as the design stands and at the optimum."""
+        return OptimisedObjective(
+            name=self.objective_name,
+            unit=self.problem.unit_of.get(self.objective_name, ""),
+            maximised=self.maximised,
+            present=self.present_objective,
+            value=self.objective,
+        )
+
+    @computed(NAMED, key="quantities")
+    def measured_quantities(self) -> dict[str, Measured]:
+        """[SI] All quantities of the problem at the optimum, by name, each with its unit."""
+        units = map(self.problem.unit_of.__getitem__, self.quantities)
+        return measured_by_name(self.quantities, units, self.quantities.values())
+
+    @computed_part(SampleInShort, key="sample")
+    def sample_in_short(self) -> SampleInShort:
+        """How many designs of the sample could be solved, and the best of them."""
+        sample = self.sample
+        best = None
+        if sample.best is not None:
+            best = sample.objective[sample.best]
+        return SampleInShort(
+            count=len(sample.ok),
+            feasible=sample.feasible.sum(),
+            solved=sample.ok.sum(),
+            best_objective=best,
+        )
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the sample it was compared with."""
@@ -173,59 +300,18 @@ class Optimum(Result):
         quantities = np.array([*self.quantities.values()])
         yield from problem.columns(values, quantities, before=f"{self.label.lower()}.")
         yield Data("status", "", self.status)
-        yield Data("stationarity", "", self.stationarity)
+        yield from self.data_of("stationarity")
         yield Data("agreeing_starts", "", f"{self.agreeing} of {len(self.starts)}")
         yield Data("verdict", "", self.verdict)
         yield from problem.columns(sample.values, sample.quantities, self.table_dims)
         yield Data("feasible", "", sample.feasible, self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Variables, objective, constraints and starts, and the sample in short."""
-        problem = self.problem
-        sample = self.sample
-        units = problem.unit_of
-        names = problem.variable_names
-        constraints = []
-        for constraint in self.constraints:
-            constraints.append(constraint._asdict() | {"unit": units[constraint.name]})
-        best_of_sample = None
-        if sample.best is not None:
-            best_of_sample = sample.objective[sample.best]
-        return {
-            "variables": records(
-                name=names,
-                unit=problem.variable_units,
-                low=self.ranges.low,
-                high=self.ranges.high,
-                present=problem.current,
-                value=map(self.values.get, names),
-                gradient=map(self.gradient.get, names),
-                at_bound=map(self.at_bound.get, names),
-            ),
-            "objective": {
-                "name": self.objective_name,
-                "unit": units.get(self.objective_name, ""),
-                "maximised": self.maximised,
-                "present": self.present_objective,
-                "value": self.objective,
-            },
-            "constraints": constraints,
-            **fields_of(self, "quantities", "status", "feasible", "stationarity", "verdict"),
-            **fields_of(self, "local", "agreeing", "evaluations", "starts"),
-            "sample": {
-                "count": len(sample.ok),
-                "solved": sample.ok.sum(),
-                "feasible": sample.feasible.sum(),
-                "best_objective": best_of_sample,
-            },
-        }
 
     @property
     def label(self) -> str:
         """Heading of the design: "Optimum", or "Nearest" where none keeps the constraints."""
         return "Optimum" if self.feasible else "Nearest"
 
-    @property
+    @computed("")
     def agreeing(self) -> int:
         """Number of starts that ended at the optimum."""
         return sum(start.agrees for start in self.starts)
@@ -356,6 +442,7 @@ def _constrained(end: Point) -> tuple[Constrained, ...]:
                 multiplier=end.price(number),
                 violation=violation,
                 excess=violation * scale,
+                unit=end.goal.problem.unit_of[limit.name],
             )
         )
     return tuple(out)

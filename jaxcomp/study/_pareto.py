@@ -2,21 +2,78 @@
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from .._core.arguments import counted
+from .._core.declared import (
+    NAMED,
+    RATIO,
+    Measured,
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    held,
+    reading,
+    records_of,
+    word,
+)
 from .._core.errors import BadInput
-from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from .._core.status import SolveFailed, Status
 from ._descent import BETTER, Descent, Method, method_of
 from ._goal import Goal, Interval, Limit, goal_of
 from ._optimise import Callback, Keep, Search, space
-from ._optimum import Optimum, optimum_of
-from ._problem import Problem, RequestedQuantity, checked_problem
+from ._optimum import Optimum, SampleCount, optimum_of
+from ._problem import Problem, RequestedQuantity, checked_problem, measured_by_name
+
+
+@dataclasses.dataclass(frozen=True)
+class FrontObjective(Record):
+    """One of the two objectives of a front.
+
+    Attributes:
+        name: of the quantity.
+        unit: its SI unit.
+        maximised: whether it is made large.
+    """
+
+    name: str = word()
+    unit: str = word()
+    maximised: bool = word()
+
+
+@dataclasses.dataclass(frozen=True)
+class FrontVariable(Record):
+    """A variable of the designs of a front.
+
+    Attributes:
+        name: of it.
+        unit: its SI unit.
+    """
+
+    name: str = word()
+    unit: str = word()
+
+
+@dataclasses.dataclass(frozen=True)
+class FrontPoint(Record):
+    """A design of a front.
+
+    Attributes:
+        values: [SI] of the variables, by name.
+        objectives: [SI] by name.
+        exchange, status, dominated: as in `ParetoFront`, of this point.
+    """
+
+    values: dict[str, Measured] = reading(NAMED)
+    objectives: dict[str, Measured] = reading(NAMED)
+    exchange: float = reading(RATIO)
+    status: str = word()
+    dominated: bool = word()
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -55,17 +112,58 @@ class ParetoFront(Result):
     dominated: Bool[np.ndarray, " n"]
     present: Float[np.ndarray, "2"]
     sample: Float[np.ndarray, "m 2"]
-    beaten_by: int
-    ends: tuple[Optimum, Optimum]
-    evaluations: int
+    beaten_by: int = reading("")
+    ends: tuple[Optimum, Optimum] = held()
+    evaluations: int = reading("")
 
     # `status` here has one word a point
     table_dims: ClassVar[tuple[str, ...]] = ("point",)
-    nested_units: ClassVar[str] = """
-        present {named}; beaten_by, evaluations
-        points: values, objectives {named}; exchange {ratio}
-        sample: count, feasible
-    """
+
+    @computed_part(FrontObjective, key="objectives")
+    def stated_objectives(self) -> tuple[FrontObjective, ...]:
+        """(2,) Name, unit and sense of each objective."""
+        return records_of(
+            FrontObjective, name=self.names, unit=self.units, maximised=self.maximised
+        )
+
+    @computed_part(FrontVariable, key="variables")
+    def stated_variables(self) -> tuple[FrontVariable, ...]:
+        """(variables,) Name and unit of each variable."""
+        return records_of(
+            FrontVariable, name=self.variables, unit=self.ends[0].problem.variable_units
+        )
+
+    @computed(NAMED, key="present")
+    def present_objectives(self) -> dict[str, Measured]:
+        """[SI] Both objectives of the design as it stands, by name."""
+        return measured_by_name(self.names, self.units, self.present)
+
+    @computed_part(FrontPoint)
+    def points(self) -> tuple[FrontPoint, ...]:
+        """(n,) The designs of the front."""
+        variable_units = self.ends[0].problem.variable_units
+        values = []
+        for row in self.values:
+            values.append(measured_by_name(self.variables, variable_units, row))
+        objectives = [measured_by_name(self.names, self.units, row) for row in self.objectives]
+        return records_of(
+            FrontPoint,
+            values=values,
+            objectives=objectives,
+            exchange=self.exchange,
+            status=self.status,
+            dominated=self.dominated,
+        )
+
+    @computed_word()
+    def verdicts(self) -> list[str]:
+        """What is said of either end."""
+        return [end.verdict for end in self.ends]
+
+    @computed_part(SampleCount, key="sample")
+    def sample_in_short(self) -> SampleCount:
+        """How many designs the front is compared with."""
+        return SampleCount(len(self.ends[0].sample.ok), len(self.sample))
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has the points of the front."""
@@ -78,26 +176,6 @@ class ParetoFront(Result):
         yield Data("exchange", "", self.exchange, at, "first objective per unit of the second")
         yield Data("dominated", "", self.dominated, at)
         yield Data("status", "", np.array(self.status), at)
-
-    def nested(self) -> dict[str, Any]:
-        """Objectives, variables and points, and the sample in short."""
-
-        def named(names, rows):
-            return records(**dict(zip(names, rows.T, strict=True)))
-
-        return {
-            "objectives": records(name=self.names, unit=self.units, maximised=self.maximised),
-            "variables": records(name=self.variables, unit=self.ends[0].problem.variable_units),
-            "present": dict(zip(self.names, self.present, strict=True)),
-            "points": records(
-                values=named(self.variables, self.values),
-                objectives=named(self.names, self.objectives),
-                **fields_of(self, "exchange", "status", "dominated"),
-            ),
-            "verdicts": [end.verdict for end in self.ends],
-            "sample": {"count": len(self.ends[0].sample.ok), "feasible": len(self.sample)},
-            **fields_of(self, "beaten_by", "evaluations"),
-        }
 
 
 def pareto(
@@ -238,10 +316,10 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
     the second objective, the others of the first.
     """
     begin = []
-    for held, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
-        main = front[1 - held].goal
-        other = front[held].goal
-        sample = ends[1 - held].sample
+    for limited, count in ((1, (points - 1) // 2), (0, (points - 2) // 2)):
+        main = front[1 - limited].goal
+        other = front[limited].goal
+        sample = ends[1 - limited].sample
         name = other.name
         place = other.objective
         sign = other.sign
@@ -256,7 +334,7 @@ def _between(ends, front: list[Descent], points: int) -> list[tuple[Goal, np.nda
                 objective = np.where(keeps_level, sample.objective / main.unit, np.inf)
                 start = sample.values[np.argmin(objective)]
             else:
-                start = main.ranges.values(front[held].best.share)
+                start = main.ranges.values(front[limited].best.share)
             begin.append((goal, start))
     return begin
 

@@ -2,7 +2,7 @@ r"""A design problem: which numbers change, and what is asked of the result."""
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
+from .._core.declared import Measured
 from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
 from .._core.exported import kept_jit
@@ -45,6 +46,13 @@ def unit_of(quantity: RequestedQuantity) -> str:
     if not isinstance(quantity, str):
         return ""
     return quantity_named(quantity).unit
+
+
+def measured_by_name(
+    names: Iterable[str], units: Iterable[str], values: Iterable[Any]
+) -> dict[str, Measured]:
+    """[SI] Numbers by name, each with its unit."""
+    return dict(zip(names, map(Measured, values, units), strict=True))
 
 
 def may_need(quantity: RequestedQuantity, part: str) -> bool:

@@ -95,10 +95,10 @@ def test_a_lucky_loose_setting_is_not_recommended():
 
 def test_two_kinds_of_tightness_are_compared_together():
     first, second = settings(1e-6, 1e-6)
-    coarse = first._replace(tightness=(5.0, 8.0))
+    coarse = replace(first, tightness=(5.0, 8.0))
     # more nodes at a looser tolerance are not tighter
-    assert not second._replace(tightness=(4.0, 12.0)).at_least_as_tight(coarse)
-    assert second._replace(tightness=(5.0, 12.0)).at_least_as_tight(coarse)
+    assert not replace(second, tightness=(4.0, 12.0)).at_least_as_tight(coarse)
+    assert replace(second, tightness=(5.0, 12.0)).at_least_as_tight(coarse)
 
 
 def test_what_is_no_candidate_is_measured_and_not_recommended():

@@ -16,11 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._core.declared import Record, computed_word, part, reading, word
 from ..._core.errors import BadInput
 from ..._core.extremes import max_of
 from ..._core.fields import replaced
-from ..._core.nested import fields_of
-from ..._core.results import Data, Result
+from ..._core.results import Data, Result, columns_of
 from ..._core.status import SolveFailed, Status
 from ...compressor import Compressor
 from ...crank import Collocation, TimeIntegration, solve_orbit
@@ -32,7 +32,7 @@ from ...motor import ConstantSpeed, SlipLine
 from ...rotor import respond
 from ...vibration import loaded_rotor
 from ._cycle_study import one_cylinder
-from ._report import COMPUTER, this_computer
+from ._report import Computer, this_computer
 from ._study import median_time
 
 # Fewer steps than of a single verification: near a stall a march would take all it is given.
@@ -47,7 +47,8 @@ _CYCLE_MARCH = CycleOptions(
 )
 
 
-class Extreme(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Extreme(Record):
     """One machine at an extreme.
 
     Attributes:
@@ -64,15 +65,15 @@ class Extreme(NamedTuple):
         seconds: [s] median of several warm calls, without the march.
     """
 
-    family: str
-    setting: str
-    status: str
-    value: float
-    error: float
-    speed_error: float | None
-    margin: float | None
-    iterations: int | None
-    seconds: float
+    family: str = word()
+    setting: str = word()
+    status: str = word()
+    value: float = reading("", doc="efficiency, or of a response a displacement in m")
+    error: float = reading("")
+    speed_error: float | None = reading("")
+    margin: float | None = reading("")
+    iterations: int | None = reading("")
+    seconds: float = reading("s")
 
     @property
     def good(self) -> bool:
@@ -96,14 +97,16 @@ class Extremes(Result):
         measured_on: cores, load and versions of the computer that measured.
     """
 
-    scene: str
-    cases: tuple[Extreme, ...]
-    measured_on: dict[str, Any] = dataclasses.field(default_factory=this_computer)
+    scene: str = word()
+    cases: tuple[Extreme, ...] = part(Extreme, key="rows")
+    measured_on: Computer = part(Computer, default_factory=this_computer)
 
     table_dims: ClassVar[tuple[str, ...]] = ("case",)
-    nested_units: ClassVar[str] = f"""{COMPUTER}
-        rows: value {{efficiency}}; error, speed_error, margin, iterations; seconds [s]
-    """
+
+    @computed_word()
+    def study(self) -> str:
+        """What was varied, as in a `Report`."""
+        return "extremes"
 
     @property
     def share_with_valves(self) -> tuple[int, int] | None:
@@ -113,26 +116,9 @@ class Extremes(Result):
             return None
         return sum(case.answered for case in cycles), len(cycles)
 
-    def nested(self) -> dict[str, Any]:
-        """All cases, with the computer that they were measured on."""
-        cases = {"study": "extremes", "rows": self.cases}
-        return cases | fields_of(self, "scene", "measured_on")
-
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each case."""
-        for name in Extreme._fields:
-            values = [getattr(case, name) for case in self.cases]
-            words = name in ("family", "setting", "status")
-            column = np.array(values)
-            if not words:
-                column = np.array(values, float)
-            doc = ""
-            if name == "value":
-                doc = "efficiency, or of a response a displacement in m"
-            unit = ""
-            if name == "seconds":
-                unit = "s"
-            yield Data(name, unit, column, self.table_dims, doc)
+        return columns_of(self.cases, *self.table_dims)
 
 
 def extremes(

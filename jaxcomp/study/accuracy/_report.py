@@ -5,28 +5,59 @@ import os
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
-from typing import Any, ClassVar, NamedTuple
+from itertools import islice
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._core.nested import fields_of
-from ..._core.results import Data, Result
+from ..._core.declared import (
+    QUANTITY,
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    forwarded,
+    held,
+    part,
+    reading,
+    word,
+)
+from ..._core.results import Data, Result, columns_of
 
 # Errors at which methods are compared.
 _DECADES = tuple(10.0**-n for n in range(2, 13))
-# Units of `this_computer`.
-COMPUTER = "measured_on: cores, load"
+# Of a row, first of them in `Measurement`, those that stand in the table.
+_COLUMNS = 5
 
 
-def this_computer() -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class Computer(Record):
+    """A computer that measured, at that moment.
+
+    Attributes:
+        cores: [-] how many it has.
+        load: [-] mean number of processes that ran or waited, over the last minute.
+        python, jax, diffrax, scipy, jaxcomp: their versions.
+    """
+
+    cores: int | None = reading("")
+    load: float = reading("")
+    python: str = word()
+    jax: str = word()
+    diffrax: str = word()
+    scipy: str = word()
+    jaxcomp: str = word()
+
+
+def this_computer() -> Computer:
     """Cores, load and versions of the computer at this moment."""
     versions = {name: version(name) for name in ("jax", "diffrax", "scipy", "jaxcomp")}
     load = os.getloadavg()[0]
-    python = platform.python_version()
-    return {"cores": os.cpu_count(), "load": load, "python": python, **versions}
+    return Computer(os.cpu_count(), load, platform.python_version(), **versions)
 
 
-class Reference(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Reference(Record):
     """The converged value, by two methods that share nothing but the laws.
 
     Attributes:
@@ -36,21 +67,21 @@ class Reference(NamedTuple):
         each: whether every entry, or row of entries, is compared with its own size.
     """
 
-    value: Any
-    other: Any
-    methods: tuple[str, str]
-    each: bool = False
+    value: Any = reading(QUANTITY)
+    other: Any = reading(QUANTITY)
+    methods: tuple[str, str] = word()
+    each: bool = word(default=False)
 
-    @property
+    @computed("", doc="below which no error is claimed")
     def floor(self) -> float:
-        """[-] disagreement of the methods over the value: no smaller error is claimed.
+        """[-] Disagreement of the methods over the value: no smaller error is claimed.
 
         Not below the rounding of the number format.
         """
         return max(self.error(self.other), float(np.finfo(float).eps))
 
     def error(self, value: Any) -> float:
-        """[-] largest difference over the largest reference value; absolute where that is zero."""
+        """[-] Largest difference over the largest reference value; absolute where that is zero."""
         rows = 1
         if self.each:
             rows = len(self.value)
@@ -59,7 +90,8 @@ class Reference(NamedTuple):
         return float(np.max(gap / np.where(size > 0, size, 1.0)))
 
 
-class Measurement(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Measurement(Record):
     """One setting of one method.
 
     Attributes:
@@ -80,20 +112,20 @@ class Measurement(NamedTuple):
         task: problem that it solves, in studies of several: only settings of one task compete.
     """
 
-    method: str
-    setting: str
-    error: float
-    seconds: float
-    compile_seconds: float
-    iterations: int | None = None
-    flops: float | None = None
-    family: str = ""
-    tightness: tuple[float, ...] = ()
-    why: str = ""
-    candidate: bool = True
-    lines: int | None = None
-    floor: float | None = None
-    task: str = ""
+    method: str = word()
+    setting: str = word()
+    error: float = reading("")
+    seconds: float = reading("s")
+    compile_seconds: float = reading("s")
+    iterations: int | None = reading("", default=None)
+    flops: float | None = reading("", default=None)
+    family: str = word(default="")
+    tightness: tuple[float, ...] = reading("", default=())
+    why: str = word(default="")
+    candidate: bool = word(default=True)
+    lines: int | None = reading("", default=None)
+    floor: float | None = reading("", default=None)
+    task: str = word(default="")
 
     def at_least_as_tight(self, other: "Measurement") -> bool:
         """Whether this is the other setting or a tighter one of its family."""
@@ -102,7 +134,8 @@ class Measurement(NamedTuple):
         return all(a >= b for a, b in zip(self.tightness, other.tightness, strict=True))
 
 
-class Cost(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Cost(Record):
     """Time of the first and of the second call of a program.
 
     Attributes:
@@ -111,12 +144,13 @@ class Cost(NamedTuple):
         lines: [-] of the program in StableHLO.
     """
 
-    first: float
-    second: float
-    lines: int
+    first: float = reading("s")
+    second: float = reading("s")
+    lines: int = reading("")
 
 
-class DerivativeCheck(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class DerivativeCheck(Record):
     """Error of derivatives beside that of the values, at the default options.
 
     Attributes:
@@ -124,16 +158,16 @@ class DerivativeCheck(NamedTuple):
         value, gradient: [-] errors that can be claimed of values and derivatives.
     """
 
-    setting: str
-    value: float
-    gradient: float
+    setting: str = word()
+    value: float = reading("")
+    gradient: float = reading("")
 
-    @property
+    @computed("")
     def ratio(self) -> float:
-        """[-] error of the derivatives over that of the values."""
+        """[-] Error of the derivatives over that of the values."""
         return self.gradient / self.value
 
-    @property
+    @computed_word()
     def holds(self) -> bool:
         """Whether the derivatives err by at most ten times as much."""
         return self.ratio <= 10
@@ -161,62 +195,50 @@ class Report(Result):
         measured_on: cores, load and versions of the computer that measured.
     """
 
-    study: str
-    scene: str
-    quantity: str
-    unit: str
-    reference: Reference
-    rows: tuple[Measurement, ...]
-    note: str
-    march: dict[str, float] = dataclasses.field(default_factory=dict)
-    calls: dict[str, Cost] = dataclasses.field(default_factory=dict)
-    derivatives: DerivativeCheck | None = None
-    error: float = 1e-6
-    measured_on: dict[str, Any] = dataclasses.field(default_factory=this_computer)
+    study: str = word()
+    scene: str = word()
+    quantity: str = word()
+    unit: str = word()
+    reference: Reference = part(Reference)
+    rows: tuple[Measurement, ...] = part(Measurement)
+    note: str = held()
+    march: dict[str, float] = reading("", default_factory=dict)
+    calls: dict[str, Cost] = part(Cost, by_name=True, default_factory=dict)
+    derivatives: DerivativeCheck | None = part(DerivativeCheck, default=None)
+    error: float = reading("", default=1e-6)
+    measured_on: Computer = part(Computer, default_factory=this_computer)
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
-    nested_units: ClassVar[str] = f"""{COMPUTER}
-        reference: value, other {{quantity}}; floor
-        calls.*: first, second [s]; lines
-        march: *
-        error
-        recommended|recommended_by_task.*|rows: seconds, compile_seconds [s]; error, iterations
-        recommended|recommended_by_task.*|rows: flops, tightness, lines, floor
-        cheapest [s]
-        derivatives: *
-    """
+
+    least_error = forwarded(Reference, "reference.floor", table_only=True)
+
+    @computed_part(Measurement)
+    def recommended(self) -> Measurement | None:
+        """The cheapest setting for `error`."""
+        return self.cheapest(self.error)
+
+    @computed_part(Measurement, by_name=True)
+    def recommended_by_task(self) -> dict[str, Measurement | None]:
+        """The cheapest setting for `error` by the name of the task, where there are several."""
+        recommended = {}
+        for task in filter(None, self.tasks):
+            recommended[task] = self.cheapest(self.error, task=task)
+        return recommended
+
+    @computed("s", key="cheapest")
+    def cheapest_seconds(self) -> dict[str, dict[str, float | None]]:
+        """[s] Of the cheapest setting for each power of ten of the error, by method."""
+        cheapest = {}
+        for error in self.reachable:
+            cheapest[f"{error:g}"] = {name: self.seconds(error, name) for name in self.methods}
+        return cheapest
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each setting."""
         yield Data("quantity", "", self.quantity)
-        yield Data("floor", "", self.reference.floor, doc="below which no error is claimed")
-        units = {"method": "", "setting": "", "error": "", "seconds": "s", "compile_seconds": "s"}
-        for name, unit in units.items():
-            column = np.array([getattr(row, name) for row in self.rows])
-            yield Data(name, unit, column, self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """All settings, the cheapest for `error` and for each power of ten, and what was checked."""
-        reference = self.reference
-        check = self.derivatives
-        tasks = [task for task in self.tasks if task]
-        cheapest = {}
-        for error in self.reachable:
-            cheapest[f"{error:g}"] = {name: self.seconds(error, name) for name in self.methods}
-        recommended_by_task = {}
-        for task in tasks:
-            recommended_by_task[task] = self.cheapest(self.error, task=task)
-        return {
-            **fields_of(
-                self, "study", "scene", "quantity", "unit", "march", "calls", "error", "rows"
-            ),
-            "reference": reference._asdict() | {"floor": reference.floor},
-            "recommended": self.cheapest(self.error),
-            "recommended_by_task": recommended_by_task,
-            "cheapest": cheapest,
-            "derivatives": check and check._asdict() | fields_of(check, "ratio", "holds"),
-            "measured_on": self.measured_on,
-        }
+        yield from self.data_of(floor="least_error")
+        # what follows may be a list, of other lengths for other methods
+        yield from islice(columns_of(self.rows, *self.table_dims), _COLUMNS)
 
     @property
     def reachable(self) -> list[float]:

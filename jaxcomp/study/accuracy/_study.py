@@ -4,6 +4,7 @@ A study is a reference and a list of settings, mostly rows over tolerances, node
 prepares a call that gives the quantity, or several values of it; `measured` runs and times the call.
 """
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Iterable
@@ -409,13 +410,13 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     try:
         if setting.reference is not None:
             reference = setting.reference()
-            row = row._replace(floor=reference.floor)
+            row = dataclasses.replace(row, floor=reference.floor)
         call = setting.prepare()
         start = time.perf_counter()
         result = jax.block_until_ready(call.run())
         first = time.perf_counter() - start
     except (RuntimeError, SolveFailed, BadInput) as failed:
-        return row._replace(why=str(failed))
+        return dataclasses.replace(row, why=str(failed))
     solved = result
     if not isinstance(result, Solved):
         solved = Solved(result)
@@ -430,7 +431,8 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     error = math.inf
     if not solved.why:
         error = reference.error(solved.value)
-    row = row._replace(
+    row = dataclasses.replace(
+        row,
         error=error,
         seconds=seconds / setting.share,
         compile_seconds=compile_seconds,
@@ -439,4 +441,4 @@ def measured(setting: Setting, reference: Reference) -> Measurement:
     )
     if program is None:
         return row
-    return row._replace(flops=program.flops / setting.share, lines=program.lines)
+    return dataclasses.replace(row, flops=program.flops / setting.share, lines=program.lines)

@@ -1,5 +1,6 @@
 """What measurements tell of a machine."""
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any, ClassVar, NamedTuple
 
@@ -8,28 +9,64 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from numpy.typing import NDArray
 
+from ..._core.declared import (
+    BESIDE,
+    Note,
+    Record,
+    computed_part,
+    held,
+    reading,
+    records_of,
+    word,
+)
 from ..._core.errors import BadInput
-from ..._core.nested import fields_of, records
 from ..._core.results import Data, Result
 from ...machine import Machine
 from ._fit import Prediction
 from ._measurement import AbstractMeasurement, Entries, Kind
 from ._reading_model import ReadingModel
 
+# Of the columns with readings.
+_READING = ("reading",)
+_OF_QUANTITY = "in the SI unit of its quantity"
 
-class HeldOut(NamedTuple):
+
+@dataclasses.dataclass(frozen=True)
+class HeldOut(Record):
     """Errors of a quantity at points that the fit did not see.
 
     Attributes:
+        name: of the quantity.
         count: of points.
         rms, largest: relative, or [K] for temperatures.
         inside: [-] share within the inflated 95 % intervals.
     """
 
-    count: int  # pyright: ignore[reportIncompatibleMethodOverride]  # of points, and no entries
-    rms: float
-    largest: float
-    inside: float
+    name: str = word()
+    count: int = reading("", key="points")
+    rms: float = reading("", key="error_rms")
+    largest: float = reading("", key="largest_error")
+    inside: float = reading("", key="share_inside")
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate(Record):
+    """A constant that measurements tell.
+
+    Attributes:
+        name: its path, or that of a constant of the measurements.
+        unit: its SI unit.
+        start: [SI] of the machine file.
+        estimate, standard_error: [SI]
+        prior_share: [-] standard error over that of the prior; not a number without one.
+    """
+
+    name: str = word()
+    unit: str = word()
+    start: float = reading(BESIDE)
+    estimate: float = reading(BESIDE)
+    standard_error: float = reading(BESIDE)
+    prior_share: float = reading("")
 
 
 class PredictedReadings(NamedTuple):
@@ -106,38 +143,33 @@ class Identification(Result, eqx.Module):
     units: tuple[str, ...] = eqx.field(static=True)
     estimate: Float[Array, " p"]
     standard_error: Float[Array, " p"]
-    covariance: Float[Array, "p p"]
-    start: Float[Array, " p"]
-    prior_share: Float[Array, " p"]
-    constants: int = eqx.field(static=True)
-    quantity: tuple[str, ...] = eqx.field(static=True)
-    kinds: dict[str, Kind] = eqx.field(static=True)
-    point: Int[Array, " m"]
-    names: tuple[str, ...] = eqx.field(static=True)
-    conditions: dict[str, Float[Array, " m"]]
-    condition_units: dict[str, str] = eqx.field(static=True)
-    measured: Float[Array, " m"]
-    computed: Float[Array, " m"]
-    sd: Float[Array, " m"]
-    half_width: Float[Array, " m"]
-    used: Bool[Array, " m"]
-    chi_square: Float[Array, ""]
-    p_value: Float[Array, ""]
-    freedom: Int[Array, ""]
-    weak: tuple[str, ...] = eqx.field(static=True)
-    notes: tuple[str, ...] = eqx.field(static=True)
-    source: str = eqx.field(static=True)
-    fit: Any = eqx.field(static=True, default=None)
-    machine: Machine | None = None
-    study: Any = eqx.field(static=True, default=None)
-    bounds: Float[Array, "p 2"] | None = None
+    covariance: Float[Array, "p p"] = reading(Note("in the units of the parameters"))
+    start: Float[Array, " p"] = held()
+    prior_share: Float[Array, " p"] = held()
+    constants: int = held(static=True)
+    quantity: tuple[str, ...] = held(static=True)
+    kinds: dict[str, Kind] = held(static=True)
+    point: Int[Array, " m"] = reading("", *_READING, table_only=True)
+    names: tuple[str, ...] = held(static=True)
+    conditions: dict[str, Float[Array, " m"]] = held()
+    condition_units: dict[str, str] = held(static=True)
+    measured: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    computed: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    sd: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    half_width: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    used: Bool[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    chi_square: Float[Array, ""] = reading("")
+    p_value: Float[Array, ""] = reading("")
+    freedom: Int[Array, ""] = reading("")
+    weak: tuple[str, ...] = word(static=True)
+    notes: tuple[str, ...] = word(static=True)
+    source: str = word(static=True)
+    fit: Any = held(static=True, default=None)
+    machine: Machine | None = held(default=None)
+    study: Any = held(static=True, default=None)
+    bounds: Float[Array, "p 2"] | None = held(default=None)
 
-    table_dims: ClassVar[tuple[str, ...]] = ("reading",)
-    nested_units: ClassVar[str] = """
-        parameters: start, estimate, standard_error {beside}; prior_share
-        covariance {parameters}; chi_square, freedom, p_value
-        held_out: points, error_rms, largest_error, share_inside
-    """
+    table_dims: ClassVar[tuple[str, ...]] = _READING
     not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine", "study", "kinds", "condition_units")
 
     def described(self) -> Iterator[Data]:
@@ -145,40 +177,33 @@ class Identification(Result, eqx.Module):
         for n, (name, unit) in enumerate(zip(self.parameters, self.units, strict=True)):
             yield Data(f"estimate.{name}", unit, self.estimate[n])
             yield Data(f"standard_error.{name}", unit, self.standard_error[n])
-        yield Data("chi_square", "", self.chi_square)
-        yield Data("p_value", "", self.p_value)
-        yield Data("freedom", "", self.freedom)
+        yield from self.data_of("chi_square", "p_value", "freedom", "point")
         at = self.table_dims
         quantities = self.quantities
-        yield Data("point", "", self.point, at)
         numbers = ", ".join(f"{n}: {name}" for n, name in enumerate(quantities))
         places = np.array([quantities.index(name) for name in self.quantity])
         yield Data("quantity", "", places, at, numbers)
         for name, values in self.conditions.items():
             yield Data(f"at.{name}", self.condition_units[name], values, at)
-        for name in ("measured", "computed", "sd", "half_width", "used"):
-            yield Data(name, "", getattr(self, name), at, "in the SI unit of its quantity")
+        yield from self.data_of("measured", "computed", "sd", "half_width", "used")
 
-    def nested(self) -> dict[str, Any]:
-        """Constants, their covariance, the fit and the points held out."""
+    @computed_part(Estimate, key="parameters")
+    def estimates(self) -> tuple[Estimate, ...]:
+        """(p,) Every constant before and after."""
+        return records_of(
+            Estimate,
+            name=self.parameters,
+            unit=self.units,
+            start=self.start,
+            estimate=self.estimate,
+            standard_error=self.standard_error,
+            prior_share=self.prior_share,
+        )
 
-        columns = fields_of(self, "start", "estimate", "standard_error", "prior_share")
-        held_out = []
-        for name, errors in self.held_out.items():
-            record = {
-                "name": name,
-                "points": errors.count,
-                "error_rms": errors.rms,
-                "largest_error": errors.largest,
-                "share_inside": errors.inside,
-            }
-            held_out.append(record)
-        return {
-            "source": self.source,
-            "parameters": records(name=self.parameters, unit=self.units, **columns),
-            **fields_of(self, "covariance", "chi_square", "freedom", "p_value", "weak", "notes"),
-            "held_out": held_out,
-        }
+    @computed_part(HeldOut, key="held_out")
+    def errors_held_out(self) -> tuple[HeldOut, ...]:
+        """Errors of each quantity at points that the fit did not see."""
+        return tuple(self.held_out.values())
 
     def error(self, name: str) -> NDArray:
         """(m of this quantity,) computed less measured: relative, or in the SI unit."""
@@ -210,6 +235,7 @@ class Identification(Result, eqx.Module):
             off = np.abs(np.asarray(self.computed - self.measured))[rows][predicted]
             inside = off <= np.asarray(self.half_width)[rows][predicted]
             out[name] = HeldOut(
+                name=name,
                 count=int(predicted.sum()),
                 rms=float(np.sqrt(np.mean(error**2))),
                 largest=float(np.abs(error).max()),

@@ -1,22 +1,66 @@
 """Numbers of a rotor fitted to a modal test, each by a factor."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
-from ..._core.declared import reading
+from ..._core.declared import (
+    NUMBER,
+    Record,
+    computed_part,
+    held,
+    reading,
+    records_of,
+    word,
+)
 from ..._core.errors import BadInput
-from ..._core.nested import fields_of, records
-from ..._core.results import Data, Result
+from ..._core.results import Data, Result, columns_of
 from ...machine import HasMachine, Machine, machine_of
 from ._common_factor import varied
 from ._identify import identify
 from ._result import Identification
 from ._rotor_tests import ModalTest
+
+
+@dataclasses.dataclass(frozen=True)
+class UpdatedNumber(Record):
+    """A number of a rotor before and after a modal test.
+
+    Attributes:
+        path: of the number.
+        factor: [-] after over before.
+        before, after, standard_error: [SI]
+        at_bound: whether it lies on a bound.
+    """
+
+    path: str = word()
+    factor: float = reading("")
+    before: float = reading(NUMBER)
+    after: float = reading(NUMBER)
+    standard_error: float = reading(NUMBER)
+    at_bound: bool = word()
+
+
+@dataclasses.dataclass(frozen=True)
+class UpdatedMode(Record):
+    """A natural frequency before and after.
+
+    Attributes:
+        mode: number from 1.
+        measured, before, after: [rad/s]
+        error: [-] frequency after over that measured, less one.
+    """
+
+    mode: int = reading("")
+    measured: float = reading("rad/s")
+    before: float = reading("rad/s")
+    after: float = reading("rad/s")
+    error: float = reading("")
 
 
 class RotorUpdate(Result, eqx.Module):
@@ -43,23 +87,18 @@ class RotorUpdate(Result, eqx.Module):
     estimate: Float[np.ndarray, " variables"]
     standard_error: Float[np.ndarray, " variables"]
     at_bound: Bool[np.ndarray, " variables"]
-    free: bool = eqx.field(static=True)
-    converged: bool = eqx.field(static=True)
-    steps: int = eqx.field(static=True)
-    notes: tuple[str, ...] = eqx.field(static=True)
-    mode: Int[np.ndarray, " modes"] = reading("", "mode")
-    measured: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
-    before: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
-    after: Float[np.ndarray, " modes"] = reading("rad/s", "mode")
-    identification: Identification | None = None
+    free: bool = word(static=True)
+    converged: bool = word(static=True)
+    steps: int = reading("", static=True)
+    notes: tuple[str, ...] = word(static=True)
+    mode: Int[np.ndarray, " modes"] = held()
+    measured: Float[np.ndarray, " modes"] = held()
+    before: Float[np.ndarray, " modes"] = held()
+    after: Float[np.ndarray, " modes"] = held()
+    identification: Identification | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("mode",)
     not_saved: ClassVar[tuple[str, ...]] = ("identification",)
-    nested_units: ClassVar[str] = """
-        variables: factor; before, after, standard_error {number}
-        modes: measured, before, after [rad/s]; mode, error
-        steps
-    """
 
     @property
     def error(self) -> NDArray:
@@ -73,29 +112,40 @@ class RotorUpdate(Result, eqx.Module):
             return "converged"
         return "not converged"
 
+    @computed_part(UpdatedNumber)
+    def variables(self) -> tuple[UpdatedNumber, ...]:
+        """(variables,) Every number before and after."""
+        return records_of(
+            UpdatedNumber,
+            path=self.paths,
+            factor=self.estimate / self.start,
+            before=self.start,
+            after=self.estimate,
+            standard_error=self.standard_error,
+            at_bound=self.at_bound,
+        )
+
+    @computed_part(UpdatedMode)
+    def modes(self) -> tuple[UpdatedMode, ...]:
+        """(modes,) Every frequency before and after."""
+        return records_of(
+            UpdatedMode,
+            mode=self.mode,
+            measured=self.measured,
+            before=self.before,
+            after=self.after,
+            error=self.error,
+        )
+
     def described(self) -> Iterator[Data]:
         """The numbers with their factors, and the frequencies."""
-        for n, (path, unit) in enumerate(zip(self.paths, self.units, strict=True)):
-            yield Data(path, unit, self.estimate[n])
-            yield Data(f"factor.{path}", "", self.estimate[n] / self.start[n])
-        yield from super().described()
-        yield Data("error", "", self.error, self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Every number before and after, and every frequency."""
-        return {
-            "free": self.free,
-            "variables": records(
-                path=self.paths,
-                factor=self.estimate / self.start,
-                before=self.start,
-                after=self.estimate,
-                standard_error=self.standard_error,
-                at_bound=self.at_bound,
-            ),
-            "modes": records(**fields_of(self, "mode", "measured", "before", "after", "error")),
-            **fields_of(self, "converged", "steps", "notes"),
-        }
+        for variable, unit in zip(self.variables, self.units, strict=True):
+            yield Data(variable.path, unit, variable.after)
+            yield Data(f"factor.{variable.path}", "", variable.factor)
+        for data in columns_of(self.modes, *self.table_dims):
+            if data.name == "mode":
+                data = data._replace(values=self.mode)  # which counts
+            yield data
 
 
 def update_rotor(

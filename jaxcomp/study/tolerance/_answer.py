@@ -5,24 +5,123 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..._core.declared import Record, part, reading, word
-from ..._core.nested import fields_of
+from ..._core.declared import (
+    BESIDE,
+    NAMED,
+    QUANTITY,
+    Measured,
+    Record,
+    part,
+    reading,
+    word,
+)
+from .._problem import measured_by_name
+from ._reliability import Reliability
+from ._scatter import Within
 
 # Percentiles of every quantity: the median, 5 % on either side, and three deviations of a normal one.
 _PERCENTILES = {"0.135": 0.00135, "5": 0.05, "50": 0.5, "95": 0.95, "99.865": 0.99865}
-UNITS = """
-    corrections [kg m]
-    variables.*: low, high, nominal, deviation {beside}; sigmas
-    correlations: value
-    samples, failed
-    quantities.*: mean, mean_error, deviation, deviation_error, percentiles, nominal {beside}
-    quantities.*: skewness
-    quantities.*.first_order|quantities.*.second_order: mean, deviation {quantity}
-    quantities.*.contributors: share; at_low_limit, at_high_limit {quantity}
-    limits: bound {quantity}; sampled, sampled_interval, beta, first_order, second_order
-    limits: near_points, near_points_error, nearest_points, importance
-    limits: most_likely_design {named}
-"""
+
+
+@dataclass(frozen=True)
+class ScatteredVariable(Record):
+    """A variable and its tolerance.
+
+    Attributes:
+        unit: SI unit of the variable.
+        nominal, deviation: [SI] nominal value and standard deviation.
+        tolerance: of it.
+    """
+
+    unit: str = word()
+    nominal: float = reading(BESIDE)
+    deviation: float = reading(BESIDE)
+    tolerance: Within = part(Within, inline=True)
+
+
+@dataclass(frozen=True)
+class Correlation(Record):
+    """A correlation of two deviations.
+
+    Attributes:
+        between: names of the two variables.
+        value: [-]
+    """
+
+    between: tuple[str, ...] = word()
+    value: float = reading("")
+
+
+@dataclass(frozen=True)
+class Contributor(Record):
+    """A variable and what it does to a quantity.
+
+    Attributes:
+        variable: name.
+        share: [-] of the variance.
+        at_low_limit, at_high_limit: [SI] the quantity with the variable there and the others at their
+            means; NaN where it cannot be solved.
+    """
+
+    variable: str = word()
+    share: float = reading("")
+    at_low_limit: float = reading(QUANTITY)
+    at_high_limit: float = reading(QUANTITY)
+
+
+@dataclass(frozen=True)
+class QuantityMoments(Record):
+    """Mean and standard deviation of a quantity by derivatives.
+
+    Attributes:
+        mean, deviation: [SI]
+    """
+
+    mean: float = reading(QUANTITY)
+    deviation: float = reading(QUANTITY)
+
+
+@dataclass(frozen=True)
+class ScatteredQuantity(Record):
+    """A quantity and its scatter.
+
+    Attributes:
+        unit: its SI unit.
+        nominal: [SI] of the nominal machine.
+        mean, mean_error, deviation, deviation_error: [SI] by the samples, with standard errors.
+        skewness: [-] by the samples.
+        percentiles: [SI] by their names; `None` where too few samples were solved.
+        first_order, second_order: by derivatives; the second `None` without curvature.
+        contributors: every variable, that with the largest share first.
+    """
+
+    unit: str = word()
+    nominal: float = reading(BESIDE)
+    mean: float = reading(BESIDE)
+    mean_error: float = reading(BESIDE)
+    deviation: float = reading(BESIDE)
+    deviation_error: float = reading(BESIDE)
+    skewness: float = reading("")
+    percentiles: dict[str, float | None] = reading(BESIDE)
+    first_order: QuantityMoments | None = part(QuantityMoments)
+    second_order: QuantityMoments | None = part(QuantityMoments)
+    contributors: tuple[Contributor, ...] = part(Contributor)
+
+
+@dataclass(frozen=True)
+class BrokenLimit(Record):
+    """A limit, and how probable and by which machine it is broken.
+
+    Attributes:
+        risk: its reliability.
+        most_likely_design: [SI] variables by name of the most likely machine that breaks it; `None`
+            where none was found.
+        importance: [-] squared direction cosines of the nearest point, by variable.
+    """
+
+    risk: Reliability = part(Reliability, inline=True)
+    most_likely_design: dict[str, Measured] | None = reading(NAMED)
+    importance: dict[str, float] = reading("")
 
 
 @dataclass(frozen=True)
@@ -43,93 +142,57 @@ class Permitted(Record):
     before: float = reading("")
 
 
-@dataclass(frozen=True)
-class PermittedTolerances(Record):
-    """Tolerances that keep the rejects below a share, of all variables and of each."""
-
-    permitted: tuple[Permitted, ...] = part(Permitted)
-
-
-def nested(study: Any) -> dict[str, Any]:
-    """Variables, quantities and limits of `Tolerances`, nested."""
-    ok = study.sampled.ok
-    variables = {}
-    for place, name in enumerate(study.variables):
-        variables[name] = _variable(study, place)
-    correlations = []
-    for pair, value in study.scatter.given:
-        correlations.append({"between": pair, "value": value})
-    quantities = {}
-    for place, name in enumerate(study.names):
-        quantities[name] = _quantity(study, place)
-    return {
-        "corrections": dict(study.problem.design.corrections),
-        "variables": variables,
-        "correlations": correlations,
-        "samples": len(ok),
-        "failed": int((~ok).sum()),
-        "quantities": quantities,
-        "limits": [_limit(study, risk) for risk in study.reliability],
-        "remarks": study.remarks,
-    }
-
-
-def _variable(study: Any, place: int) -> dict[str, Any]:
+def scattered_variable(study: Any, place: int) -> ScatteredVariable:
+    """A variable of `Tolerances`."""
     variable = study.problem.variables[place]
-    return {
-        "unit": variable.unit,
-        "nominal": study.nominal[place],
-        "deviation": study.deviation[place],
-        **study.scatter.tolerances[variable.name]._asdict(),
-    }
+    return ScatteredVariable(
+        unit=variable.unit,
+        nominal=study.nominal[place],
+        deviation=study.deviation[place],
+        tolerance=study.scatter.tolerances[variable.name],
+    )
 
 
-def _quantity(study: Any, place: int) -> dict[str, Any]:
+def scattered_quantity(study: Any, place: int) -> ScatteredQuantity:
+    """A quantity of `Tolerances`."""
     sampled = study.sampled
     name = study.names[place]
     levels = [None] * len(_PERCENTILES)
     if sampled.ok.sum() > 1:
         levels = sampled.quantile([*_PERCENTILES.values()])[:, place]
-    statistics = {}
-    for key in ("mean", "mean_error", "deviation", "deviation_error", "skewness"):
-        statistics[key] = getattr(sampled, key)[place]
     contributors = []
     for variable, share in study.ranking(name):
         low, high = study.swings[:, study.variables.index(variable), place]
-        contributors.append(
-            {"variable": variable, "share": share, "at_low_limit": low, "at_high_limit": high}
-        )
-    return {
-        "unit": study.problem.units[place],
-        "nominal": study.value[place],
-        **statistics,
-        "percentiles": dict(zip(_PERCENTILES, levels, strict=True)),
-        "first_order": _moments(study.first_order, place),
-        "second_order": _moments(study.second_order, place),
-        "contributors": contributors,
-    }
+        contributors.append(Contributor(variable, share, at_low_limit=low, at_high_limit=high))
+    return ScatteredQuantity(
+        unit=study.problem.units[place],
+        nominal=study.value[place],
+        mean=sampled.mean[place],
+        mean_error=sampled.mean_error[place],
+        deviation=sampled.deviation[place],
+        deviation_error=sampled.deviation_error[place],
+        skewness=sampled.skewness[place],
+        percentiles=dict(zip(_PERCENTILES, levels, strict=True)),
+        first_order=_moments(study.first_order, place),
+        second_order=_moments(study.second_order, place),
+        contributors=tuple(contributors),
+    )
 
 
-def _moments(moments: Any, place: int) -> dict[str, Any] | None:
+def _moments(moments: Any, place: int) -> QuantityMoments | None:
     if moments is None:
         return None
-    return {"mean": moments.mean[place], "deviation": moments.deviation[place]}
+    return QuantityMoments(moments.mean[place], moments.deviation[place])
 
 
-def _limit(study: Any, risk: Any) -> dict[str, Any]:
+def broken_limit(study: Any, risk: Reliability) -> BrokenLimit:
+    """A limit of `Tolerances`."""
     design = None
     if all(map(math.isfinite, risk.design)):
-        design = dict(zip(study.variables, risk.design, strict=True))
-    return {
-        "quantity": risk.limit.quantity,
-        "bound": risk.limit.bound,
-        "broken_above": risk.limit.above,
-        **fields_of(risk, "sampled", "sampled_interval", "beta", "first_order", "second_order"),
-        **fields_of(risk, "near_points", "near_points_error"),
-        "nearest_points": len(risk.points),
-        "most_likely_design": design,
-        "importance": dict(zip(study.variables, risk.importance, strict=True)),
-    }
+        units = study.problem.variable_units
+        design = measured_by_name(study.variables, units, risk.design)
+    importance = dict(zip(study.variables, risk.importance, strict=True))
+    return BrokenLimit(risk, design, importance)
 
 
 def sentences(study: Any, permitted: Sequence[Permitted]) -> Iterator[str]:

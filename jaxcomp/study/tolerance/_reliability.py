@@ -12,7 +12,7 @@ counts, and their probabilities add up, which is an upper bound (Ditlevsen 1979)
 (Melchers 1989) check both orders where plain samples are too few.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from jaxtyping import Float
 from scipy import stats
 from scipy.optimize import minimize
 
+from ..._core.declared import QUANTITY, Record, computed, held, part, reading, word
 from .._problem import Problem, solved
 from ._moments import Sampled, solved_rows
 from ._scatter import Scatter
@@ -37,7 +38,8 @@ _STRAIGHT = 0.2
 _FAR = 3.0
 
 
-class Limit(NamedTuple):
+@dataclass(frozen=True)
+class Limit(Record):
     """A bound that machines should keep.
 
     Attributes:
@@ -46,9 +48,9 @@ class Limit(NamedTuple):
         above: whether more than it is a failure, or less.
     """
 
-    quantity: str
-    bound: float
-    above: bool = True
+    quantity: str = word()
+    bound: float = reading(QUANTITY)
+    above: bool = word(key="broken_above", default=True)
 
     def broken(self, values):
         """Where values [SI] break it."""
@@ -62,7 +64,8 @@ class Limit(NamedTuple):
         return "above" if self.above else "below"
 
 
-class Reliability(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Reliability(Record):
     """Probability that a limit is broken.
 
     Attributes:
@@ -80,17 +83,22 @@ class Reliability(NamedTuple):
         importance: [-] (variables,) squared direction cosines of the nearest point; they sum to one.
     """
 
-    limit: Limit
-    sampled: float
-    sampled_interval: tuple[float, float]
-    beta: float
-    first_order: float
-    second_order: float
-    near_points: float
-    near_points_error: float
-    points: Float[np.ndarray, "points variables"]
-    design: Float[np.ndarray, " variables"]
-    importance: Float[np.ndarray, " variables"]
+    limit: Limit = part(Limit, inline=True)
+    sampled: float = reading("")
+    sampled_interval: tuple[float, float] = reading("")
+    beta: float = reading("")
+    first_order: float = reading("")
+    second_order: float = reading("")
+    near_points: float = reading("")
+    near_points_error: float = reading("")
+    points: Float[np.ndarray, "points variables"] = held()
+    design: Float[np.ndarray, " variables"] = held()
+    importance: Float[np.ndarray, " variables"] = held()
+
+    @computed("")
+    def nearest_points(self) -> int:
+        """How many nearest points were found."""
+        return len(self.points)
 
     @property
     def agrees(self) -> bool:

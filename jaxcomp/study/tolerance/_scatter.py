@@ -7,6 +7,7 @@ Engineering Mechanics 1, 105-112), and each deviation is that of its own distrib
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, get_args
 
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from jax.scipy.special import erf, ndtr, ndtri
 from jaxtyping import Array, Float
 from scipy.optimize import brentq
 
+from ..._core.declared import BESIDE, Record, reading, word
 from ..._core.errors import BadInput
 from ..sweep import normal
 from ..sweep._points import SamplePoints
@@ -27,7 +29,8 @@ _POINTS = 64
 _NEAR_ONE = 1 - 1e-9
 
 
-class Within(NamedTuple):
+@dataclass(frozen=True)
+class Within(Record):
     """A tolerance and how production fills it, symmetric about its middle.
 
     Attributes:
@@ -38,11 +41,11 @@ class Within(NamedTuple):
         relative: whether the limits are shares of the nominal value.
     """
 
-    low: float
-    high: float
-    distribution: Distribution = "normal"
-    sigmas: float = 3.0
-    relative: bool = False
+    low: float = reading(BESIDE)
+    high: float = reading(BESIDE)
+    distribution: Distribution = word(default="normal")
+    sigmas: float = reading("", default=3.0)
+    relative: bool = word(default=False)
 
     @property
     def middle(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._core.arguments import bounds_by_names, counted, listed_names
+from ..._core.declared import computed, computed_part, computed_word
 from ..._core.display import Shown, shown
 from ..._core.errors import BadInput
 from ..._core.results import Data, Result
@@ -76,7 +77,6 @@ class Tolerances(Result):
     reliability: tuple[Reliability, ...]
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
-    nested_units: ClassVar[str] = _answer.UNITS
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has every machine that was drawn."""
@@ -94,9 +94,46 @@ class Tolerances(Result):
         drawn = self.scatter.at(self.nominal, self.sampled.normals)
         yield from self.problem.columns(drawn, self.sampled.values, self.table_dims)
 
-    def nested(self) -> dict[str, Any]:
-        """Variables, quantities and limits, each with its numbers."""
-        return _answer.nested(self)
+    @computed("kg m")
+    def corrections(self) -> dict[str, Any]:
+        """[kg m] Balancing of the machine, by plane."""
+        return dict(self.problem.design.corrections)
+
+    @computed_part(_answer.ScatteredVariable, by_name=True, key="variables")
+    def scattered_variables(self) -> dict[str, _answer.ScatteredVariable]:
+        """Every variable and its tolerance, by name."""
+        variables = {}
+        for place, name in enumerate(self.variables):
+            variables[name] = _answer.scattered_variable(self, place)
+        return variables
+
+    @computed_part(_answer.Correlation)
+    def correlations(self) -> tuple[_answer.Correlation, ...]:
+        """Correlations of the variables, as they were given."""
+        return tuple(_answer.Correlation(pair, value) for pair, value in self.scatter.given)
+
+    @computed("")
+    def samples(self) -> int:
+        """How many machines were drawn."""
+        return len(self.sampled.ok)
+
+    @computed("")
+    def failed(self) -> int:
+        """How many of them could not be solved."""
+        return int(np.sum(~self.sampled.ok))
+
+    @computed_part(_answer.ScatteredQuantity, by_name=True)
+    def quantities(self) -> dict[str, _answer.ScatteredQuantity]:
+        """Every quantity and its scatter, by name."""
+        quantities = {}
+        for place, name in enumerate(self.names):
+            quantities[name] = _answer.scattered_quantity(self, place)
+        return quantities
+
+    @computed_part(_answer.BrokenLimit)
+    def limits(self) -> tuple[_answer.BrokenLimit, ...]:
+        """Every limit, and how probable it is to be broken."""
+        return tuple(_answer.broken_limit(self, risk) for risk in self.reliability)
 
     def sentences(self, *permitted: _answer.Permitted) -> tuple[str, ...]:
         """The answer in a sentence for each limit, or for each quantity where there is none.
@@ -136,13 +173,12 @@ class Tolerances(Result):
         row = self.shares[self.names.index(quantity)]
         return sorted(zip(self.variables, row.tolist(), strict=True), key=lambda p: -abs(p[1]))
 
-    @property
+    @computed_word()
     def remarks(self) -> tuple[str, ...]:
         """Where the methods disagree, and what could not be solved, in words."""
         out = []
-        lost = int(np.sum(~self.sampled.ok))
-        if lost:
-            out.append(f"{lost} of {len(self.sampled.ok)} samples could not be solved")
+        if self.failed:
+            out.append(f"{self.failed} of {self.samples} samples could not be solved")
         if not self.local.ok:
             out.append("the derivatives cannot be relied on: a design near the mean is not solved")
         for place, name in enumerate(self.names):
