@@ -1,4 +1,4 @@
-"""Results of all commands against the JSON schema of results, which follows from the classes of results."""
+"""Results of all commands against the JSON schema that follows from the classes of results."""
 
 import json
 import re

@@ -142,6 +142,13 @@ class Permitted(Record):
     before: float = reading("")
 
 
+@dataclass(frozen=True)
+class PermittedTolerances(Record):
+    """Tolerances that keep the rejects below a share, of all variables and of each."""
+
+    permitted: tuple[Permitted, ...] = part(Permitted)
+
+
 def scattered_variable(study: Any, place: int) -> ScatteredVariable:
     """A variable of `Tolerances`."""
     variable = study.problem.variables[place]
