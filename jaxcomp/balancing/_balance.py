@@ -1,16 +1,29 @@
 """What a balance hands back: the corrections, the vibration that they leave, and how good they are."""
 
+import dataclasses
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from .._core.declared import (
+    IN_KEY,
+    Measured,
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    held,
+    part,
+    reading,
+    records_of,
+    word,
+)
 from .._core.display import RPM, rounded, vibration_unit
-from .._core.nested import fields_of, records
-from .._core.results import Data, Result
+from .._core.results import Data, Result, columns_of
 from .._core.status import Status
 from ._further_trial import further_trial
 from ._influence import Influence, InfluenceRow
@@ -64,6 +77,125 @@ class PlacedWeights(eqx.Module):
     removed: Bool[np.ndarray, " weights"]
 
 
+@dataclasses.dataclass(frozen=True)
+class PlaneCorrection(Record):
+    """Correction of a plane.
+
+    Attributes:
+        name: of the plane.
+        correction: size of what is added, in the unit of the trial weights.
+        phase: [rad] of its place.
+    """
+
+    name: str = word()
+    correction: Measured = reading(IN_KEY)
+    phase: float = reading("rad")
+
+
+@dataclasses.dataclass(frozen=True)
+class BalancedPlane(Record):
+    """Correction of a plane as mass times radius and as a mass.
+
+    Attributes:
+        correction: with its plane.
+        unbalance: [kg m] of the correction, not a number where the trial weights are masses.
+        radius: [m] at which masses are added, not a number where the plane has none.
+        mass: [kg] of the correction, not a number without a radius.
+    """
+
+    correction: PlaneCorrection = part(PlaneCorrection, inline=True)
+    unbalance: float = reading("kg m")
+    radius: float = reading("m")
+    mass: float = reading("kg")
+
+
+@dataclasses.dataclass(frozen=True)
+class BalancedRow(Record):
+    """A reading before and after the balance.
+
+    Attributes:
+        label: target, axis and speed.
+        weight: [-] in every norm.
+        before, after: amplitudes, in the unit of the vibration.
+        before_phase, after_phase: [rad]
+        sensitivity: by plane, change by an error of its weight, in the unit of the vibration.
+    """
+
+    label: InfluenceRow = part(InfluenceRow, inline=True)
+    weight: float = reading("")
+    before: Measured = reading(IN_KEY)
+    before_phase: float = reading("rad")
+    after: Measured = reading(IN_KEY)
+    after_phase: float = reading("rad")
+    sensitivity: Measured = reading(IN_KEY)
+
+
+@dataclasses.dataclass(frozen=True)
+class PlacedWeight(Record):
+    """A weight of `PlacedWeights`.
+
+    Attributes:
+        name: of the plane.
+        phase: [rad] of its place.
+        unbalance: [kg m]
+        mass: [kg]
+        removed: whether it is taken off.
+    """
+
+    name: str = word()
+    phase: float = reading("rad")
+    unbalance: float = reading("kg m")
+    mass: float = reading("kg")
+    removed: bool = word()
+
+
+@dataclasses.dataclass(frozen=True)
+class AlternativeBalance(Record):
+    """Corrections of another system that fits readings without phase as well.
+
+    Attributes:
+        planes: with their corrections.
+        improvement: [-] weighted root mean square of the vibration after over before.
+    """
+
+    planes: tuple[PlaneCorrection, ...] = part(PlaneCorrection)
+    improvement: Float[Array, ""] = reading("")
+
+
+@dataclasses.dataclass(frozen=True)
+class DecidingRun(Record):
+    """A run that tells alternatives apart.
+
+    Attributes:
+        plane: in which a trial weight is set.
+        trial: size of the weight, in the unit of the trial weights.
+        phase: [rad] of its place.
+        label: target, axis and speed of the reading that tells.
+        expected: amplitudes that each system expects there, in the unit of the vibration.
+    """
+
+    plane: str = word()
+    trial: Measured = reading(IN_KEY)
+    phase: float = reading("rad")
+    label: InfluenceRow = part(InfluenceRow, inline=True)
+    expected: Measured = reading(IN_KEY)
+
+
+@dataclasses.dataclass(frozen=True)
+class WithoutPhase(Record):
+    """Numbers of a balance by readings without phase.
+
+    Attributes:
+        misfit: [-] of the amplitudes, see `Balance.misfit`.
+        alternatives: other balances.
+        further_trial: the run that decides; `None` without alternatives.
+    """
+
+    misfit: Float[Array, ""] = reading("")
+    alternatives: tuple[AlternativeBalance, ...] = part(AlternativeBalance)
+    further_trial: DecidingRun | None = part(DecidingRun, optional=True)
+
+
 class Balance(Result, eqx.Module):
     """Corrections and what they do.
 
@@ -84,23 +216,13 @@ class Balance(Result, eqx.Module):
     correction: Complex[Array, " planes"]
     objective: Float[Array, ""]
     bound: Float[Array, ""]
-    method: str = eqx.field(static=True)
-    status: Status
-    scale: Float[Array, ""] | None = None
-    alternatives: tuple["Balance", ...] = ()
-    weights: PlacedWeights | None = None
+    method: str = word(static=True)
+    status: Status = held()
+    scale: Float[Array, ""] | None = held(default=None)
+    alternatives: tuple["Balance", ...] = held(default=())
+    weights: PlacedWeights | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
-    nested_units: ClassVar[str] = """
-        planes: correction {correction_unit}; unbalance [kg m]; phase [rad]; radius [m]; mass [kg]
-        rows: speed [rad/s]; weight; before, after, sensitivity {vibration_unit}
-        rows: before_phase, after_phase [rad]
-        weights: unbalance [kg m]; mass [kg]; phase [rad]
-        alternatives.planes: correction {correction_unit}; phase [rad]
-        alternatives: improvement
-        further_trial: trial {correction_unit}; phase [rad]; speed [rad/s]; expected {vibration_unit}
-        misfit, worse, improvement, condition, gap; objective, bound {vibration_unit}
-    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result, in SI units; measured vibration as it was read."""
@@ -109,111 +231,144 @@ class Balance(Result, eqx.Module):
         for number, plane in enumerate(self.influence.planes):
             # many systems at once have their axis in front of that of the planes
             yield Data(f"correction.{plane}", trial, self.correction[..., number])
-        yield Data("improvement", "", self.improvement, doc="weighted rms after over before")
-        yield Data("condition", "", self.condition)
-        for name, si in (("target", ""), ("axis", ""), ("speed", "rad/s")):
-            values = np.array([getattr(row, name) for row in self.influence.rows])
-            yield Data(name, si, values, ("row",))
+        yield from self.data_of("improvement", "condition")
+        yield from columns_of(self.influence.rows, "row")
         yield Data("weight", "", self.influence.weight, ("row",))
         yield Data("before", unit, self.influence.initial, ("row",))
         yield Data("after", unit, self.residual, ("row",))
 
-    def nested(self) -> dict[str, Any]:
-        """Planes with their corrections, and rows with the vibration before and after."""
-        part = self.influence
-        value = np.asarray(self.correction)
-        residual = np.asarray(self.residual)
-        size = np.abs(value)
-        before = np.asarray(part.initial)
+    @computed_word()
+    def vibration_unit(self) -> str:
+        """Unit of the vibration."""
+        return self.influence.unit
+
+    @computed_word()
+    def correction_unit(self) -> str:
+        """Unit of what is added in a plane."""
+        return self.influence.trial
+
+    @computed_part(BalancedPlane)
+    def planes(self) -> tuple[BalancedPlane, ...]:
+        """Planes with their corrections."""
+        influence = self.influence
+        corrections = self._corrections(self.correction)
+        size = np.abs(np.asarray(self.correction))
         unknown = np.full(size.shape, np.nan)
         radius = unknown
-        if part.radius is not None:
-            radius = np.asarray(part.radius)
+        if influence.radius is not None:
+            radius = np.asarray(influence.radius)
         # what is added in a plane is a mass at one radius, or mass times radius
-        if part.trial == "kg":
+        if influence.trial == "kg":
             unbalance = unknown
             mass = size
         else:
             unbalance = size
             mass = size / radius
-        sensitivity = np.asarray(self.sensitivity()).tolist()
-        return {
-            "method": self.method,
-            "vibration_unit": part.unit,
-            "correction_unit": part.trial,
-            "planes": records(
-                name=part.planes,
-                correction=size,
-                unbalance=unbalance,
-                phase=np.angle(value),
-                radius=radius,
-                mass=mass,
-            ),
-            "rows": records(
-                # the labels transposed into columns, as `records` takes them
-                **dict(zip(InfluenceRow._fields, zip(*part.rows, strict=True), strict=True)),
-                weight=part.weight,
-                before=np.abs(before),
-                before_phase=np.angle(before),
-                after=np.abs(residual),
-                after_phase=np.angle(residual),
-                sensitivity=[dict(zip(part.planes, row, strict=True)) for row in sensitivity],
-            ),
-            "worse": np.sum(self.worse),
-            **fields_of(self, "improvement", "condition", "objective", "bound", "gap", "verdict"),
-            "status": Status[self.status],
-            **self._placed(),
-            **self._without_phase(),
-        }
+        return records_of(
+            BalancedPlane, correction=corrections, unbalance=unbalance, radius=radius, mass=mass
+        )
 
-    def _placed(self) -> dict[str, Any]:
-        """The weights at their places; nothing where no places are known."""
+    def _corrections(self, correction: Complex[Array, " planes"]) -> tuple[PlaneCorrection, ...]:
+        value = np.asarray(correction)
+        sizes = [Measured(size, self.influence.trial) for size in np.abs(value).tolist()]
+        return records_of(
+            PlaneCorrection, name=self.influence.planes, correction=sizes, phase=np.angle(value)
+        )
+
+    @computed_part(BalancedRow)
+    def rows(self) -> tuple[BalancedRow, ...]:
+        """Readings with the vibration before and after."""
+        influence = self.influence
+        before = np.asarray(influence.initial)
+        after = np.asarray(self.residual)
+        sensitivity = []
+        for row in np.asarray(self.sensitivity()).tolist():
+            by_plane = dict(zip(influence.planes, row, strict=True))
+            sensitivity.append(Measured(by_plane, influence.unit))
+        return records_of(
+            BalancedRow,
+            label=influence.rows,
+            weight=influence.weight,
+            before=[Measured(size, influence.unit) for size in np.abs(before).tolist()],
+            before_phase=np.angle(before),
+            after=[Measured(size, influence.unit) for size in np.abs(after).tolist()],
+            after_phase=np.angle(after),
+            sensitivity=sensitivity,
+        )
+
+    @computed("", key="worse")
+    def worse_count(self) -> np.ndarray:
+        """[-] Number of readings that are higher after than before."""
+        return np.sum(self.worse)
+
+    @computed(IN_KEY, key="objective")
+    def objective_with_unit(self) -> Measured:
+        """Objective in the unit of the vibration."""
+        return Measured(self.objective, self.influence.unit)
+
+    @computed(IN_KEY, key="bound")
+    def bound_with_unit(self) -> Measured:
+        """Bound of the objective in the unit of the vibration."""
+        return Measured(self.bound, self.influence.unit)
+
+    @computed_word(key="status")
+    def status_word(self) -> str:
+        """Status in words."""
+        return Status[self.status]
+
+    @computed_part(PlacedWeight, key="weights", optional=True)
+    def listed_weights(self) -> tuple[PlacedWeight, ...] | None:
+        """The weights at their places; `None` where no places are known."""
         weights = self.weights
         if weights is None:
-            return {}
-        return {
-            "weights": records(
-                name=[self.influence.planes[number] for number in weights.plane],
-                phase=weights.angle,
-                unbalance=weights.unbalance,
-                mass=weights.mass,
-                removed=weights.removed,
-            ),
-            # a search for places ends converged where its bound has met its objective, and only there
-            "certified": bool(self.converged),
-        }
+            return None
+        return records_of(
+            PlacedWeight,
+            name=[self.influence.planes[number] for number in weights.plane],
+            phase=weights.angle,
+            unbalance=weights.unbalance,
+            mass=weights.mass,
+            removed=weights.removed,
+        )
 
-    def _without_phase(self) -> dict[str, Any]:
-        """Numbers of readings without phase beside the balance; none of others."""
+    @computed_word(optional=True)
+    def certified(self) -> bool | None:
+        """Whether the weights are the best of all combinations; `None` where no places are known."""
+        if self.weights is None:
+            return None
+        # a search for places ends converged where its bound has met its objective, and only there
+        return bool(self.converged)
+
+    @computed_part(WithoutPhase, inline=True, optional=True)
+    def without_phase(self) -> WithoutPhase | None:
+        """Numbers of readings without phase; `None` of others."""
         influence = self.influence
         if influence.misfit is None:
-            return {}
+            return None
         alternatives = []
         for other in self.alternatives:
-            planes = records(
-                name=influence.planes,
-                correction=np.abs(other.correction),
-                phase=np.angle(other.correction),
-            )
-            alternatives.append({"planes": planes, "improvement": other.improvement})
-        numbers: dict[str, Any] = {"misfit": self.misfit, "alternatives": alternatives}
+            planes = self._corrections(other.correction)
+            alternatives.append(AlternativeBalance(planes, other.improvement))
+        return WithoutPhase(self.misfit, tuple(alternatives), self._deciding_run())
+
+    def _deciding_run(self) -> DecidingRun | None:
+        influence = self.influence
         # as large as the trial weights were, or as what the balance adds
         sizes = self.correction
         if influence.trials is not None:
             sizes = influence.trials.weight
         trial = further_trial(influence, float(np.median(np.abs(sizes))))
-        if trial is not None:
-            row = influence.rows[trial.row]
-            numbers["further_trial"] = {
-                "plane": trial.plane,
-                "trial": abs(trial.weight),
-                "phase": np.angle(trial.weight),
-                **row._asdict(),
-                "expected": list(trial.amplitudes),
-            }
-        return numbers
+        if trial is None:
+            return None
+        return DecidingRun(
+            plane=trial.plane,
+            trial=Measured(abs(trial.weight), influence.trial),
+            phase=float(np.angle(trial.weight)),
+            label=influence.rows[trial.row],
+            expected=Measured(trial.amplitudes, influence.unit),
+        )
 
-    @property
+    @computed_word()
     def verdict(self) -> str:
         """Number of readings that get worse, and the one that does so most, in words."""
         before = np.abs(self.influence.initial)
@@ -240,7 +395,7 @@ class Balance(Result, eqx.Module):
         """[m] Predicted vibration of every row."""
         return self.influence.vibration(self.correction)
 
-    @property
+    @computed("")
     def gap(self) -> Float[Array, ""]:
         """[-] How far above its bound the objective lies, relative to `scale`."""
         scale = self.scale
@@ -254,7 +409,7 @@ class Balance(Result, eqx.Module):
         """Which readings are higher after than before."""
         return jnp.abs(self.residual) > jnp.abs(self.influence.initial)
 
-    @property
+    @computed("", doc="weighted rms after over before")
     def improvement(self) -> Float[Array, ""]:
         """[-] Weighted root mean square of the vibration after over before."""
         before = jnp.linalg.norm(self.influence.weighted[1])
@@ -268,7 +423,7 @@ class Balance(Result, eqx.Module):
         before = jnp.linalg.norm(self.influence.initial)
         return jnp.linalg.norm(self.influence.misfit) / before
 
-    @property
+    @computed("")
     def condition(self) -> Float[Array, ""]:
         """[-] Ratio of the largest to the smallest singular value of the weighted system."""
         return condition(self.influence.weighted[0])

@@ -9,7 +9,7 @@ Fourier coefficients of the forces and, by the mean force, stiffness and damping
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.declared import Record, reading, word
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import is_traced
@@ -29,7 +30,8 @@ from ..vibration import crank_loads, running_rotor
 from ..vibration._coupling import CrankLoads
 
 
-class InfluenceRow(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class InfluenceRow(Record):
     """One row of the system.
 
     Attributes:
@@ -38,9 +40,9 @@ class InfluenceRow(NamedTuple):
         speed: [rad/s]
     """
 
-    target: str
-    axis: str
-    speed: float
+    target: str = word()
+    axis: str = word()
+    speed: float = reading("rad/s")
 
 
 class Trials(eqx.Module):

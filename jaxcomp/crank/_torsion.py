@@ -9,7 +9,7 @@ the inertias with the crank angle is left out.
 """
 
 from collections.abc import Iterator
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Complex, Float
 
+from .._core.declared import computed, reading
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of, maximum
@@ -186,47 +187,37 @@ class TrainTorques(Result, eqx.Module):
             of the last quarter of these.
     """
 
-    mean: Float[Array, " s"]
-    amplitude: Complex[Array, "s h"]
-    frequency: Float[Array, " h"]
-    peak: Float[Array, " s"]
-    natural_frequencies: Float[Array, " s"]
-    peak_error: Float[Array, " s"] | None = None
+    mean: Float[Array, " s"] = reading("N m", "spring", table_only=True)
+    amplitude: Complex[Array, "s h"] = reading("N m", "spring", "harmonic", table_only=True)
+    frequency: Float[Array, " h"] = reading("rad/s", "harmonic", table_only=True)
+    peak: Float[Array, " s"] = reading("N m", "spring", key="peak_torque")
+    natural_frequencies: Float[Array, " s"] = reading("rad/s", "mode")
+    peak_error: Float[Array, " s"] | None = reading("N m", "spring", optional=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("spring",)
-    nested_units: ClassVar[str] = """
-        natural_frequencies, critical_speeds [rad/s]; mean_torque, peak_torque, peak_error [N m]
-        largest_order
-    """
+
+    @computed("rad/s", "mode")
+    def critical_speeds(self) -> dict[str, np.ndarray]:
+        """[rad/s] (s,) Mean speeds at which orders 1 to 8 meet the natural frequencies, by order."""
+        frequencies = np.asarray(self.natural_frequencies)
+        return {str(order): frequencies / order for order in range(1, 9)}
+
+    @computed("N m", "spring")
+    def mean_torque(self) -> np.ndarray:
+        """[N m] (s,) Mean torque of the motor, towards the crank; `mean` has the other sign."""
+        return -np.asarray(self.mean)
+
+    @computed("", "spring")
+    def largest_order(self) -> np.ndarray:
+        """[-] (s,) Order of the largest amplitude."""
+        return 1 + np.argmax(np.abs(self.amplitude), axis=1)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         yield Data("spring", "", jnp.arange(1, self.mean.shape[-1] + 1), ("spring",))
-        yield Data("mean_torque", "N m", self.mean, ("spring",))
-        yield Data("peak_torque", "N m", self.peak, ("spring",))
-        if self.peak_error is not None:
-            yield Data("peak_error", "N m", self.peak_error, ("spring",))
-        yield Data("natural_frequency", "rad/s", self.natural_frequencies, ("mode",))
-        yield Data("frequency", "rad/s", self.frequency, ("harmonic",))
-        yield Data("torque", "N m", self.amplitude, ("spring", "harmonic"))
-
-    def nested(self) -> dict[str, Any]:
-        """Frequencies, mean speeds at which orders 1 to 8 meet them, and the torques of the springs.
-
-        The mean torque is that of the motor, towards the crank.
-        """
-        frequencies = np.asarray(self.natural_frequencies)
-        error = {}
-        if self.peak_error is not None:
-            error = {"peak_error": self.peak_error}
-        return {
-            "natural_frequencies": frequencies,
-            "critical_speeds": {str(order): frequencies / order for order in range(1, 9)},
-            "mean_torque": -np.asarray(self.mean),
-            "peak_torque": self.peak,
-            **error,
-            "largest_order": 1 + np.argmax(np.abs(self.amplitude), axis=1),
-        }
+        yield from self.data_of(mean_torque="mean")
+        yield from self.data_of("peak", "peak_error", natural_frequency="natural_frequencies")
+        yield from self.data_of("frequency", torque="amplitude")
 
 
 def train_torques(

@@ -11,11 +11,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.declared import (
+    computed,
+    computed_part,
+    computed_word,
+    held,
+    reading,
+    word,
+)
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of, minimum
 from .._core.fields import admissible, clipped, is_traced, replaced
-from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.roots import zeros_of
 from .._core.status import SolveFailed, Status
@@ -30,6 +37,41 @@ from ._performance import law_of
 from ._solve_orbit import solve_orbit
 from ._transient_gas import DenseSteps, GasCourse, crank_rates, march_with_gas
 from ._warming import at_rise
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class CrankCourse(Result):
+    """Course of a crank's motion at n instants.
+
+    Attributes:
+        time: [s] (n,)
+        angle: [rad] (n,) since the start, not wrapped.
+        speed: [rad/s] (n,)
+        acceleration: [rad/s^2] (n,)
+        motor_work, gas_work: [J] (n,) since the start.
+        losses: [J] (n,) since the start, by joint.
+        kinetic_energy: [J] (n,)
+    """
+
+    time: Float[Array, " n"] = reading("s", "time")
+    angle: Float[Array, " n"] = reading("rad", "time", doc="since the start, not wrapped")
+    speed: Float[Array, " n"] = reading("rad/s", "time")
+    acceleration: Float[Array, " n"] = reading("rad/s^2", "time", table_only=True)
+    motor_work: Float[Array, " n"] = reading("J", "time", table_only=True)
+    gas_work: Float[Array, " n"] = reading("J", "time", table_only=True)
+    losses: dict[str, Float[Array, " n"]] = reading("J", "time", table_only=True)
+    kinetic_energy: Float[Array, " n"] = reading("J", "time", table_only=True)
+
+    table_dims: ClassVar[tuple[str, ...]] = ("time",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of this result in SI units."""
+        yield from self.data_of("time", crank_angle="angle")
+        yield from self.data_of("speed", "acceleration", "motor_work", "gas_work")
+        for losses in self.data_of("losses"):
+            for name, work in self.losses.items():
+                yield losses._replace(name=f"loss.{name}", values=work)
+        yield from self.data_of("kinetic_energy")
 
 
 class Transient(Result, eqx.Module):
@@ -54,73 +96,118 @@ class Transient(Result, eqx.Module):
     state: CrankState
     energy: Energy
     kinetic_energy: Float[Array, " n"]
-    stopped: Bool[Array, ""]
-    end_time: Float[Array, ""]
-    steps: Int[Array, ""]
-    status: Status
-    positions: dict[str, Float[Array, "2 n"]]
-    _dense: Any
-    _scales: tuple[Float[Array, ""], Float[Array, ""]]
-    gas: GasCourse | None = None
+    stopped: Bool[Array, ""] = word()
+    end_time: Float[Array, ""] = reading("s")
+    steps: Int[Array, ""] = reading("")
+    status: Status = held()
+    positions: dict[str, Float[Array, "2 n"]] = held()
+    _dense: Any = held()
+    _scales: tuple[Float[Array, ""], Float[Array, ""]] = held()
+    gas: GasCourse | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("time",)
     not_saved: ClassVar[tuple[str, ...]] = ("_dense",)
-    nested_units: ClassVar[str] = """
-        end_time, time_of_highest_speed [s]; end_speed, highest_speed [rad/s]; end_angle [rad]
-        motor_work, gas_work, losses, kinetic_energy_gained [J]; revolutions, energy_residual, steps
-        delivered_mass [kg]; highest_pressure [Pa]; highest_temperature [K]
-        course: time [s]; angle [rad]; speed [rad/s]
-    """
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         at = self.table_dims
-        energy = self.energy
-        yield Data("end_time", "s", self.end_time)
+        yield from self.data_of("end_time")
         yield Data("stopped", "", self.stopped)
-        yield Data("time", "s", self.time, at)
-        yield Data("crank_angle", "rad", self.state.angle, at, "since the start, not wrapped")
-        yield Data("speed", "rad/s", self.state.speed, at)
-        yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
-        yield Data("motor_work", "J", energy.motor_work, at)
-        yield Data("gas_work", "J", energy.gas_work, at)
-        for name, work in energy.losses.items():
-            yield Data(f"loss.{name}", "J", work, at)
-        yield Data("kinetic_energy", "J", self.kinetic_energy, at)
+        yield from self.course.described()
         for name, (x, y) in self.positions.items():
             yield Data(f"eccentricity.{name}", "", jnp.hypot(x, y), at, "over the clearance")
         if self.gas is not None:
             yield from _of_gas(self.gas, at)
 
-    def nested(self) -> dict[str, Any]:
-        """The end of the motion, works up to it, what came out of valves, and the course."""
-        time, angle, speed = map(np.asarray, (self.time, self.state.angle, self.state.speed))
-        energy = self.energy
-        gas = self.gas
-        gas_readings = {}
-        if gas is not None:
-            gas_readings = {
-                "delivered_mass": gas.delivered,
-                "highest_pressure": np.max(gas.pressure),
-                "highest_temperature": np.max(gas.temperature),
-            }
-        return {
-            **fields_of(self, "end_time", "stopped", "steps"),
-            "revolutions": (angle[-1] - angle[0]) / (2 * np.pi),
-            "end_angle": angle[-1],
-            "end_speed": speed[-1],
-            "highest_speed": speed.max(),
-            "time_of_highest_speed": time[speed.argmax()],
-            "motor_work": energy.motor_work[-1],
-            "gas_work": energy.gas_work[-1],
-            "losses": {name: work[-1] for name, work in energy.losses.items()},
-            "kinetic_energy_gained": self.kinetic_energy[-1] - self.kinetic_energy[0],
-            "energy_residual": self.residual[-1],
-            **gas_readings,
-            "converged": Status[self.status] == "converged",
-            "status": Status[self.status],
-            "course": {"time": time, "angle": angle, "speed": speed},
-        }
+    @computed_part(CrankCourse)
+    def course(self) -> CrankCourse:
+        """Motion, works and kinetic energy at the listed instants."""
+        return CrankCourse(
+            time=self.time,
+            angle=self.state.angle,
+            speed=self.state.speed,
+            acceleration=self.state.acceleration,
+            motor_work=self.energy.motor_work,
+            gas_work=self.energy.gas_work,
+            losses=self.energy.losses,
+            kinetic_energy=self.kinetic_energy,
+        )
+
+    @computed("")
+    def revolutions(self) -> Any:
+        """[-] Revolutions of the crank since the start."""
+        angle = np.asarray(self.state.angle)
+        return (angle[-1] - angle[0]) / (2 * np.pi)
+
+    @computed("rad")
+    def end_angle(self) -> Any:
+        """[rad] Crank angle at the end."""
+        return self.state.angle[-1]
+
+    @computed("rad/s")
+    def end_speed(self) -> Any:
+        """[rad/s] Speed at the end."""
+        return self.state.speed[-1]
+
+    @computed("rad/s")
+    def highest_speed(self) -> Any:
+        """[rad/s] Highest speed at a listed instant."""
+        return np.max(self.state.speed)
+
+    @computed("s")
+    def time_of_highest_speed(self) -> Any:
+        """[s] Instant of the highest speed."""
+        return self.time[np.argmax(self.state.speed)]
+
+    @computed("J")
+    def motor_work(self) -> Any:
+        """[J] Work of the motor up to the end."""
+        return self.energy.motor_work[-1]
+
+    @computed("J")
+    def gas_work(self) -> Any:
+        """[J] Work of the gas up to the end."""
+        return self.energy.gas_work[-1]
+
+    @computed("J")
+    def losses(self) -> dict[str, Any]:
+        """[J] Losses up to the end, by joint."""
+        return {name: work[-1] for name, work in self.energy.losses.items()}
+
+    @computed("J")
+    def kinetic_energy_gained(self) -> Any:
+        """[J] Kinetic energy at the end less that at the start."""
+        return self.kinetic_energy[-1] - self.kinetic_energy[0]
+
+    @computed("")
+    def energy_residual(self) -> Any:
+        """[-] Residual of the energy up to the end, see `residual`."""
+        return self.residual[-1]
+
+    @computed("kg", optional=True)
+    def delivered_mass(self) -> Any:
+        """[kg] Gas delivered since the start; `None` where the pressure is prescribed."""
+        return None if self.gas is None else self.gas.delivered
+
+    @computed("Pa", optional=True)
+    def highest_pressure(self) -> Any:
+        """[Pa] Highest pressure in a cylinder; `None` where the pressure is prescribed."""
+        return None if self.gas is None else np.max(self.gas.pressure)
+
+    @computed("K", optional=True)
+    def highest_temperature(self) -> Any:
+        """[K] Highest temperature in a cylinder; `None` where the pressure is prescribed."""
+        return None if self.gas is None else np.max(self.gas.temperature)
+
+    @computed_word()
+    def converged(self) -> Bool[Array, ""]:
+        """Whether the end or the rest was reached."""
+        return self.status == Status.converged
+
+    @computed_word(key="status")
+    def status_word(self) -> str:
+        """Status in words."""
+        return Status[self.status]
 
     @property
     def residual(self) -> Float[Array, " n"]:

@@ -344,9 +344,9 @@ def campbell_diagram(
 def _peaks(campbell: CampbellDiagram) -> np.ndarray:
     """[rpm] Critical speeds at which a response has a peak."""
     peaks = []
-    for critical in campbell.nested()["critical_speeds"]:
-        if critical["damping_ratio"] <= _STRONG:
-            peaks.append(critical["speed"] * RPM)
+    for critical in campbell.critical_speeds:
+        if critical.damping_ratio <= _STRONG:
+            peaks.append(critical.speed * RPM)
     return np.array(peaks)
 
 

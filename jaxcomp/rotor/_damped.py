@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._core.arguments import single_number
+from .._core.declared import computed, reading
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
@@ -55,27 +56,26 @@ class DampedModes(Result, eqx.Module):
 
     eigenvalue: Array
     shape: Array
-    whirl: Array
-    growth: Array
+    whirl: Array = reading("", "mode", doc="from 1, forward, to -1, backward")
+    growth: Array = reading("rad/s", doc="largest real part of all eigenvalues")
 
     table_dims: ClassVar[tuple[str, ...]] = ("mode",)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; of a Campbell diagram with a batch of speeds."""
         yield Data("stable", "", self.stable)
-        yield Data("growth", "rad/s", self.growth, doc="largest real part of all eigenvalues")
+        yield from self.data_of("growth")
         yield Data("mode", "", jnp.arange(1, self.eigenvalue.shape[-1] + 1), ("mode",))
-        yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
-        yield Data("damping_ratio", "", self.damping_ratio, ("mode",))
-        yield Data("whirl", "", self.whirl, ("mode",), "from 1, forward, to -1, backward")
+        yield from self.data_of(natural_frequency="frequency")
+        yield from self.data_of("damping_ratio", "whirl")
         yield from shapes(self.shape, "", "")
 
-    @property
+    @computed("rad/s", "mode")
     def frequency(self) -> Float[Array, " m"]:
         """[rad/s] Damped natural frequencies, Im lambda."""
         return self.eigenvalue.imag
 
-    @property
+    @computed("", "mode")
     def damping_ratio(self) -> Float[Array, " m"]:
         """[-] -Re lambda / |lambda|."""
         return -self.eigenvalue.real / jnp.abs(self.eigenvalue)

@@ -7,19 +7,42 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Float
 
-from .._core.nested import fields_of, records
-from .._core.results import Data, Result
+from .._core.declared import (
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    forwarded,
+    held,
+    part,
+    reading,
+    records_of,
+    word,
+)
+from .._core.results import Data, Result, columns_of
 from ._campbell import CriticalSpeeds
 from ._damped import DampedModes
 from ._model import RotorModel, subset_names, subsets
 from ._modes import magnetic_pull_limit
 from ._nodes import node_names
 
-# Units of `size_of`.
-SIZE = "degrees_of_freedom, magnetic_pull_limit"
+
+@dataclasses.dataclass(frozen=True)
+class ModelSize(Record):
+    """Size of a rotor model, as results show it.
+
+    Attributes:
+        degrees_of_freedom: of a node.
+        subsets: names of the nodes by subset.
+        magnetic_pull_limit: [-] of `jaxcomp.rotor.magnetic_pull_limit`; `None` without magnetic pull.
+    """
+
+    degrees_of_freedom: int = reading("")
+    subsets: dict[str, list[str]] = word()
+    magnetic_pull_limit: float | None = reading("")
 
 
-def size_of(model: RotorModel, free: bool = False) -> dict[str, Any]:
+def size_of(model: RotorModel, free: bool = False) -> ModelSize:
     """Degrees of freedom of a node, the subsets with their nodes, and the limit of the magnetic pull.
 
     Args:
@@ -32,11 +55,22 @@ def size_of(model: RotorModel, free: bool = False) -> dict[str, Any]:
     limit = None
     if model.magnetic_pulls and not free:
         limit = float(magnetic_pull_limit(model))
-    return {
-        "degrees_of_freedom": model.dof,
-        "subsets": nodes_by_subset,
-        "magnetic_pull_limit": limit,
-    }
+    return ModelSize(model.dof, nodes_by_subset, limit)
+
+
+@dataclasses.dataclass(frozen=True)
+class CriticalSpeed(Record):
+    """A critical speed of a Campbell diagram.
+
+    Attributes:
+        speed: [rad/s]
+        growth: [rad/s] real part of the eigenvalue there.
+        damping_ratio: [-]
+    """
+
+    speed: float = reading("rad/s")
+    growth: float = reading("rad/s")
+    damping_ratio: float = reading("")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -49,37 +83,55 @@ class CampbellDiagram(Result):
         critical: the critical speeds between the first and the last speed; `None` if not looked for.
     """
 
-    speeds: Float[np.ndarray, " s"]
-    modes: DampedModes
-    critical: CriticalSpeeds | None = None
+    speeds: Float[np.ndarray, " s"] = reading("rad/s", "speed")
+    modes: DampedModes = held()
+    critical: CriticalSpeeds | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("speed", "mode")
-    nested_units: ClassVar[str] = """
-        speeds, frequency [rad/s]; damping_ratio, whirl
-        critical_speeds: speed, growth [rad/s]; damping_ratio
-    """
+
+    frequency = forwarded(DampedModes, "modes.frequency", dims=table_dims)
+    damping_ratio = forwarded(DampedModes, "modes.damping_ratio", dims=table_dims)
+    whirl = forwarded(DampedModes, "modes.whirl", dims=table_dims)
+
+    @computed_part(CriticalSpeed)
+    def critical_speeds(self) -> tuple[CriticalSpeed, ...]:
+        """The critical speeds with their damping; empty where none were looked for."""
+        if self.critical is None:
+            return ()
+        speed, growth = map(np.asarray, (self.critical.speed, self.critical.growth))
+        # at order 1 the eigenvalue is a + i W
+        damping = -growth / np.hypot(growth, speed)
+        return records_of(CriticalSpeed, speed=speed, growth=growth, damping_ratio=damping)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each speed and mode."""
         count = np.shape(self.modes.whirl)[-1]
-        yield Data("speed", "rad/s", self.speeds, ("speed",))
+        yield from self.data_of(speed="speeds")
         yield Data("mode", "", np.arange(1, count + 1), ("mode",))
-        yield Data("frequency", "rad/s", self.modes.frequency, self.table_dims)
-        yield Data("damping_ratio", "", self.modes.damping_ratio, self.table_dims)
-        yield Data("whirl", "", self.modes.whirl, self.table_dims, "1 forward, -1 backward")
+        yield from self.data_of("frequency", "damping_ratio", "whirl")
         if self.critical is not None:
-            yield Data("critical_speed", "rad/s", self.critical.speed, ("crossing",))
+            yield from self.critical.data_of(critical_speed="speed", dims=("crossing",))
 
-    def nested(self) -> dict[str, Any]:
-        """Speeds with the modes at each, and the critical speeds."""
-        critical = []
-        if self.critical is not None:
-            speed, growth = map(np.asarray, (self.critical.speed, self.critical.growth))
-            # at order 1 the eigenvalue is a + i W
-            damping = -growth / np.hypot(growth, speed)
-            critical = records(speed=speed, growth=growth, damping_ratio=damping)
-        modes = fields_of(self.modes, "frequency", "damping_ratio", "whirl")
-        return {"speeds": self.speeds, **modes, "critical_speeds": critical}
+
+@dataclasses.dataclass(frozen=True)
+class RotorMode(Record):
+    """A damped mode at a speed.
+
+    Attributes:
+        speed: [rad/s] of the rotor.
+        frequency: [rad/s]
+        damping_ratio: [-]
+        whirl: [-] from 1 (forward) to -1 (backward).
+        growth: [rad/s] real part of the eigenvalue.
+        subset: name of the subset that moves most.
+    """
+
+    speed: float = reading("rad/s", table_only=True)
+    frequency: float = reading("rad/s")
+    damping_ratio: float = reading("")
+    whirl: float = reading("")
+    growth: float = reading("rad/s")
+    subset: str = word()
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -96,17 +148,33 @@ class RotorModes(Result):
     """
 
     model: RotorModel
-    speeds: Float[np.ndarray, " s"]
-    modes: tuple[DampedModes, ...]
-    free: bool
-    damping: bool
-    campbell: CampbellDiagram | None = None
+    speeds: Float[np.ndarray, " s"] = reading("rad/s", "speed")
+    modes: tuple[DampedModes, ...] = held()
+    free: bool = word()
+    damping: bool = word()
+    campbell: CampbellDiagram | None = part(CampbellDiagram, optional=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
-    nested_units: ClassVar[str] = f"""{SIZE}
-        speeds, growth [rad/s]
-        modes: frequency, growth [rad/s]; damping_ratio, whirl
-    """
+
+    @computed_part(ModelSize, inline=True)
+    def size(self) -> ModelSize:
+        """Degrees of freedom and subsets of the rotor."""
+        return size_of(self.model, self.free)
+
+    @computed_part(RotorMode, key="modes")
+    def modes_at_speeds(self) -> tuple[tuple[RotorMode, ...], ...]:
+        """The modes at each speed."""
+        return tuple(self.listed(place) for place in range(len(self.modes)))
+
+    @computed_word()
+    def stable(self) -> list[bool]:
+        """Whether the rotor is stable at each speed."""
+        return [bool(modes.stable) for modes in self.modes]
+
+    @computed("rad/s", "speed")
+    def growth(self) -> list[Any]:
+        """[rad/s] (s,) Largest real part of all eigenvalues but rigid motions at each speed."""
+        return [modes.growth for modes in self.modes]
 
     def moves_most(self, place: int) -> list[str]:
         """Name of the subset that moves most in each mode at a speed.
@@ -127,50 +195,35 @@ class RotorModes(Result):
             moving.append(words[number] if mode_exists else "")
         return moving
 
-    def listed(self, place: int) -> list[dict[str, Any]]:
-        """The modes at a speed, each with its subset, in SI units.
+    def listed(self, place: int) -> tuple[RotorMode, ...]:
+        """The modes at a speed, each with its subset.
 
         Args:
             place: of the speed, from 0.
         """
         modes = self.modes[place]
-        rows = records(
+        listed = records_of(
+            RotorMode,
+            speed=np.full(np.shape(modes.whirl), self.speeds[place]),
             frequency=modes.frequency,
             damping_ratio=modes.damping_ratio,
-            growth=np.real(modes.eigenvalue),
             whirl=modes.whirl,
+            growth=np.real(modes.eigenvalue),
             subset=self.moves_most(place),
         )
-        return [row for row in rows if np.isfinite(row["frequency"])]
+        # what a model with few modes lacks is not a number
+        return tuple(mode for mode in listed if np.isfinite(mode.frequency))
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each speed and mode."""
-        units = {"frequency": "rad/s", "damping_ratio": "", "whirl": ""}
         rows = []
-        for place, speed in enumerate(np.asarray(self.speeds).tolist()):
-            for number, mode in enumerate(self.listed(place), 1):
-                rows.append((speed, number, *map(mode.get, units)))
-        units = {"speed": "rad/s", "mode": "", **units}
-        columns = [*zip(*rows, strict=True)] or [()] * len(units)
-        for (name, unit), column in zip(units.items(), columns, strict=True):
-            yield Data(name, unit, np.array(column), self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Modes at each speed, whether they are stable, and the Campbell diagram."""
-        listed = []
-        stable = []
-        growth = []
-        for place, modes in enumerate(self.modes):
-            listed.append(self.listed(place))
-            stable.append(bool(modes.stable))
-            growth.append(modes.growth)
-        entries = {
-            **size_of(self.model, self.free),
-            **fields_of(self, "speeds", "free", "damping"),
-            "modes": listed,
-            "stable": stable,
-            "growth": growth,
-        }
-        if self.campbell is not None:
-            entries["campbell"] = self.campbell
-        return entries
+        numbers = []
+        for modes in self.modes_at_speeds:
+            rows += modes
+            numbers += range(1, len(modes) + 1)
+        if not rows:
+            return
+        speed, frequency, damping_ratio, whirl, *_ = columns_of(rows, *self.table_dims)
+        yield speed
+        yield Data("mode", "", np.array(numbers), self.table_dims)
+        yield from (frequency, damping_ratio, whirl)

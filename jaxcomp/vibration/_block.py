@@ -8,6 +8,7 @@ Source: Dagilis, Vaitkus, Kirejchick, *Slider-link driven compressor (I). Mathem
 Eqs. (42), (43).
 """
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any, ClassVar
 
@@ -17,10 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .._core.declared import reading
+from .._core.declared import Record, computed_part, declarations, held, reading, records_of
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
-from .._core.nested import fields_of, records
 from .._core.results import Data, Result
 from ..compressor import Compressor, check_runs
 from ..crank import Orbit
@@ -43,18 +43,18 @@ class Harmonics(Result, eqx.Module):
         speed: [rad/s] of the first harmonic.
     """
 
-    amplitude: Complex[Array, "m n"]
-    speed: Float[Array, ""]
+    amplitude: Complex[Array, "m n"] = reading(
+        "", "quantity", "order", doc="in the quantity's SI unit", key="harmonic"
+    )
+    speed: Float[Array, ""] = reading("rad/s")
 
     table_dims: ClassVar[tuple[str, ...]] = ("quantity", "order")
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result; amplitudes in the units of what they are amplitudes of."""
-        yield Data("speed", "rad/s", self.speed)
+        yield from self.data_of("speed")
         yield Data("order", "", jnp.arange(1, self.amplitude.shape[-1] + 1), ("order",))
-        yield Data(
-            "harmonic", "", self.amplitude, ("quantity", "order"), "in the quantity's SI unit"
-        )
+        yield from self.data_of("amplitude")
 
     @property
     def frequency(self) -> Float[Array, " n"]:
@@ -227,6 +227,33 @@ def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     return BlockMotion(response.at(time).T, rate.at(time).T)
 
 
+@dataclasses.dataclass(frozen=True)
+class PointVibration(Record):
+    """Settled vibration of a point of the block; amplitudes are those of the first harmonic.
+
+    Attributes:
+        position: [m] (3,) from the mechanism's origin.
+        amplitude: [m] (3,)
+        rms, peak: [m] of the size of the displacement.
+        free_body: [m] (3,) amplitude of the approximation without springs.
+        free_body_error: [-] its error over the amplitude.
+    """
+
+    position: list[float] = reading("m", "axis")
+    amplitude: list[float] = reading("m", "axis")
+    rms: float = reading("m")
+    peak: float = reading("m")
+    free_body: list[float] = reading("m", "axis")
+    free_body_error: float = reading("")
+
+
+def _by_point(name: str) -> Any:
+    """Declare a field that has a number of `PointVibration` for every point."""
+    declaration = declarations(PointVibration)[name]
+    assert declaration.unit is not None
+    return reading(declaration.unit, "point", *declaration.dims, table_only=True)
+
+
 class BlockVibration(Result, eqx.Module):
     """Settled vibration of the block and of points of it; amplitudes are those of the first harmonic.
 
@@ -243,39 +270,33 @@ class BlockVibration(Result, eqx.Module):
         free_body_error: [-] (p,) its error over the amplitude.
     """
 
-    points: tuple[str, ...] = eqx.field(static=True)
+    points: tuple[str, ...] = held(static=True)
     harmonics: int = reading("", static=True)
     natural_frequencies: Float[Array, "6"] = reading("rad/s", "mode")
     block_amplitude: Float[Array, "6"] = reading(
         "", "freedom", doc="in m along, in rad about x, y, z"
     )
     block_rms: Float[Array, "6"] = reading("", "freedom", doc="in m along, in rad about x, y, z")
-    position: Float[Array, "p 3"] = reading("m", "point", "axis")
-    amplitude: Float[Array, "p 3"] = reading("m", "point", "axis")
-    rms: Float[Array, " p"] = reading("m", "point")
-    peak: Float[Array, " p"] = reading("m", "point")
-    free_body: Float[Array, "p 3"] = reading("m", "point", "axis")
-    free_body_error: Float[Array, " p"] = reading("", "point")
+    position: Float[Array, "p 3"] = _by_point("position")
+    amplitude: Float[Array, "p 3"] = _by_point("amplitude")
+    rms: Float[Array, " p"] = _by_point("rms")
+    peak: Float[Array, " p"] = _by_point("peak")
+    free_body: Float[Array, "p 3"] = _by_point("free_body")
+    free_body_error: Float[Array, " p"] = _by_point("free_body_error")
 
     table_dims: ClassVar[tuple[str, ...]] = ("point", "axis")
-    nested_units: ClassVar[str] = """
-        block_amplitude, block_rms {mixed}
-        points.*: position, amplitude, rms, peak, free_body [m]; free_body_error
-    """
+
+    @computed_part(PointVibration, by_name=True, key="points")
+    def vibration_of_points(self) -> dict[str, PointVibration]:
+        """Vibration of every point by its name."""
+        columns = {name: getattr(self, name) for name in declarations(PointVibration)}
+        return dict(zip(self.points, records_of(PointVibration, **columns), strict=True))
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each point and axis."""
         yield Data("point", "", np.array(self.points), ("point",))
         yield Data("axis", "", np.array(["x", "y", "z"]), ("axis",))
         yield from super().described()
-
-    def nested(self) -> dict[str, Any]:
-        """The block, and its points by name; lists run over x, y, z or the six degrees of freedom."""
-        of_points = ("position", "amplitude", "rms", "peak", "free_body", "free_body_error")
-        rows = records(**fields_of(self, *of_points))
-        of_block = ("harmonics", "natural_frequencies", "block_amplitude", "block_rms")
-        points = dict(zip(self.points, rows, strict=True))
-        return fields_of(self, *of_block) | {"points": points}
 
 
 def block_vibration(

@@ -223,7 +223,7 @@ def rotor_modes(
     >>> from jaxcomp import load
     >>> modes = rotor_modes(load("hermetic-68cc"), [314.16], 3)
     >>> for mode in modes.listed(0):
-    ...     print(f"{mode['frequency']:.3g} rad/s, {mode['subset']}")
+    ...     print(f"{mode.frequency:.3g} rad/s, {mode.subset}")
     28.2 rad/s, rotor
     28.5 rad/s, rotor
     92.6 rad/s, housing

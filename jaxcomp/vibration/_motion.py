@@ -9,14 +9,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .._core.declared import (
+    Record,
+    computed,
+    computed_part,
+    computed_word,
+    held,
+    part,
+    reading,
+)
 from .._core.errors import BadInput
-from .._core.nested import fields_of
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..film import JournalBearing
 from ..machine import HasMachine, Machine, machine_of
 from ..rotor import AXES, Response, RotorModel, orbit, transmitted_forces
-from ..rotor._modes_at_speeds import SIZE, size_of
+from ..rotor._modes_at_speeds import ModelSize, size_of
 from ..rotor._nodes import node_names
 from ..rotor._response import WhirlOrbit
 from ._coupling import open_films, with_film_linearisation
@@ -28,6 +36,12 @@ if TYPE_CHECKING:
 # By name of the target or node: its number in the model's list, and that of the node relative to which
 # the motion is, -1 for the ground.
 _Watched = dict[str, tuple[int, int]]
+
+# Dimensions of what every order has at every speed.
+_AT = ("order", "speed")
+# Along a degree of freedom that not every model and not every link has.
+_Amplitude = Complex[np.ndarray, "o s"] | None
+_Phase = Float[np.ndarray, "o s"] | None
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -41,22 +55,118 @@ class MotionOverSpeed(Result):
     """
 
     orders: tuple[int, ...]
-    speeds: Float[np.ndarray, " s"]
-    major_axis: dict[str, Float[np.ndarray, "o s"]]
+    speeds: Float[np.ndarray, " s"] = reading("rad/s", "speed")
+    major_axis: dict[str, Float[np.ndarray, "o s"]] = reading("m", *_AT)
 
     table_dims: ClassVar[tuple[str, ...]] = ("speed",)
-    nested_units: ClassVar[str] = "speeds [rad/s]; major_axis [m]"
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        yield Data("speed", "rad/s", self.speeds, self.table_dims)
-        for name, of_orders in self.major_axis.items():
-            for order, values in zip(self.orders, of_orders, strict=True):
-                yield Data(f"{name}.order_{order}.major_axis", "m", values, self.table_dims)
+        yield from self.data_of(speed="speeds")
+        for curves in self.data_of("major_axis", dims=self.table_dims):
+            for name, of_orders in self.major_axis.items():
+                for order, values in zip(self.orders, of_orders, strict=True):
+                    full_name = f"{name}.order_{order}.{curves.name}"
+                    yield curves._replace(name=full_name, values=values)
 
-    def nested(self) -> dict[str, Any]:
-        """The curves by node or target, a list for each order."""
-        return fields_of(self, "speeds", "major_axis")
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class NodeAmplitudes(Result):
+    """Complex amplitudes of a node, as the degrees of freedom of the model have them.
+
+    Attributes:
+        ux, uy, uz: [m] (o, s) of the displacements.
+        thx, thy, thz: [rad] (o, s) of the rotations.
+    """
+
+    ux: _Amplitude = reading("m", *_AT, optional=True, default=None)
+    uy: _Amplitude = reading("m", *_AT, optional=True, default=None)
+    uz: _Amplitude = reading("m", *_AT, optional=True, default=None)
+    thx: _Amplitude = reading("rad", *_AT, optional=True, default=None)
+    thy: _Amplitude = reading("rad", *_AT, optional=True, default=None)
+    thz: _Amplitude = reading("rad", *_AT, optional=True, default=None)
+
+    table_dims: ClassVar[tuple[str, ...]] = _AT
+
+
+@dataclasses.dataclass(frozen=True)
+class NodePhases(Record):
+    """Phases of a node.
+
+    Attributes:
+        ux, uy, uz, thx, thy, thz: [rad] (o, s) of the complex amplitudes.
+    """
+
+    ux: _Phase = reading("rad", *_AT, optional=True, default=None)
+    uy: _Phase = reading("rad", *_AT, optional=True, default=None)
+    uz: _Phase = reading("rad", *_AT, optional=True, default=None)
+    thx: _Phase = reading("rad", *_AT, optional=True, default=None)
+    thy: _Phase = reading("rad", *_AT, optional=True, default=None)
+    thz: _Phase = reading("rad", *_AT, optional=True, default=None)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class NodeMotion(Result):
+    """Motion of a node or target.
+
+    Attributes:
+        amplitude: by degree of freedom.
+        phase: of the amplitudes.
+        major_axis: [m] (o, s) half of the larger axis of the orbit.
+        minor_axis: [m] (o, s) half of the smaller one, negative in backward whirl.
+        inclination: [rad] (o, s) of the major axis from x.
+    """
+
+    amplitude: NodeAmplitudes = part(NodeAmplitudes)
+    phase: NodePhases = part(NodePhases)
+    major_axis: Float[np.ndarray, "o s"] = reading("m", *_AT)
+    minor_axis: Float[np.ndarray, "o s"] = reading("m", *_AT)
+    inclination: Float[np.ndarray, "o s"] = reading("rad", *_AT)
+
+    table_dims: ClassVar[tuple[str, ...]] = _AT
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkForces(Record):
+    """Complex amplitudes of the force of a link along its axes, on its second node or the ground.
+
+    Attributes:
+        ux, uy, uz: [N] (o, s)
+        thx, thy, thz: [N m] (o, s)
+    """
+
+    ux: _Amplitude = reading("N", *_AT, optional=True, default=None)
+    uy: _Amplitude = reading("N", *_AT, optional=True, default=None)
+    uz: _Amplitude = reading("N", *_AT, optional=True, default=None)
+    thx: _Amplitude = reading("N m", *_AT, optional=True, default=None)
+    thy: _Amplitude = reading("N m", *_AT, optional=True, default=None)
+    thz: _Amplitude = reading("N m", *_AT, optional=True, default=None)
+
+
+@dataclasses.dataclass(frozen=True)
+class FilmCoefficients(Record):
+    """Stiffness and damping of a film.
+
+    Attributes:
+        stiffness: [N/m] (2, 2) at each speed.
+        damping: [N s/m] (2, 2) likewise.
+    """
+
+    stiffness: list[Float[Array, "2 2"]] = reading("N/m", "speed", "force", "motion")
+    damping: list[Float[Array, "2 2"]] = reading("N s/m", "speed", "force", "motion")
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearisedMotion(Record):
+    """Orbits with the films of the journals that move linearised, and these films.
+
+    Attributes:
+        major_axis: [m] (o, s) by node or target.
+        films: by bearing.
+    """
+
+    major_axis: dict[str, Float[np.ndarray, "o s"]] = reading("m", *_AT)
+    films: dict[str, FilmCoefficients] = part(FilmCoefficients, by_name=True)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -70,34 +180,31 @@ class RotorMotion(Result):
         speeds: [rad/s] (s,)
         motion: [m], [rad] (o, s, dof) complex amplitudes by node or target; of a target that is judged
             relative to a node, relative to it.
-        forces: [N], [N m] (o, s, dof) complex amplitudes by link, on its second node or the ground.
+        forces: by link.
         curves: over a range of speeds, where one was asked for.
-        linearised: major axes and films of the journals that move, with the films linearised at their
-            "mean_load" and along their "orbit"; `None` of a rotor without such journals.
+        linearised: with the films of the journals that move linearised at their "mean_load" and along
+            their "orbit"; `None` of a rotor without such journals.
     """
 
     model: RotorModel
     response: Response
-    orders: tuple[int, ...]
-    speeds: Float[np.ndarray, " s"]
-    motion: dict[str, Complex[np.ndarray, "o s dof"]]
-    forces: dict[str, dict[str, Complex[np.ndarray, "o s"]]]
-    curves: MotionOverSpeed | None = None
-    linearised: dict[str, dict[str, Any]] | None = None
+    orders: tuple[int, ...] = reading("", "order")
+    speeds: Float[np.ndarray, " s"] = reading("rad/s", "speed")
+    motion: dict[str, Complex[np.ndarray, "o s dof"]] = held()
+    forces: dict[str, LinkForces] = part(LinkForces, by_name=True, key="links")
+    curves: MotionOverSpeed | None = part(MotionOverSpeed, optional=True, default=None)
+    linearised: dict[str, LinearisedMotion] | None = part(
+        LinearisedMotion, by_name=True, optional=True, default=None
+    )
 
-    table_dims: ClassVar[tuple[str, ...]] = ("order", "speed")
-    nested_units: ClassVar[str] = f"""{SIZE}
-        speeds [rad/s]; orders
-        nodes.*.amplitude: ux, uy, uz [m]; * [rad]
-        nodes.*.phase: * [rad]
-        nodes.*: major_axis, minor_axis [m]; inclination [rad]
-        links.*: ux, uy, uz [N]; * [N m]
-        correction
-        linearised.*: major_axis [m]
-        linearised.*.films.*: stiffness [N/m]; damping [N s/m]
-    """
+    table_dims: ClassVar[tuple[str, ...]] = _AT
 
-    @property
+    @computed_part(ModelSize, inline=True)
+    def size(self) -> ModelSize:
+        """Degrees of freedom and subsets of the rotor."""
+        return size_of(self.model)
+
+    @computed_word()
     def axes(self) -> tuple[str, ...]:
         """The degrees of freedom of a node, as "ux"."""
         return AXES[self.model.dof]
@@ -110,43 +217,40 @@ class RotorMotion(Result):
         rows = map(WhirlOrbit, *all_orbits)
         return dict(zip(self.motion, rows, strict=True))
 
+    @computed_part(NodeMotion, by_name=True)
+    def nodes(self) -> dict[str, NodeMotion]:
+        """Motion of every watched node or target."""
+        nodes = {}
+        for name, node_orbit in self.orbits().items():
+            of_axes = dict(zip(self.axes, np.moveaxis(self.motion[name], -1, 0), strict=True))
+            phases = {axis: np.angle(amplitude) for axis, amplitude in of_axes.items()}
+            nodes[name] = NodeMotion(
+                amplitude=NodeAmplitudes(**of_axes),
+                phase=NodePhases(**phases),
+                major_axis=np.asarray(node_orbit.major),
+                minor_axis=np.asarray(node_orbit.minor),
+                inclination=np.asarray(node_orbit.inclination),
+            )
+        return nodes
+
+    @computed("")
+    def correction(self) -> Any:
+        """[-] Largest relative error of the response before the last refinement."""
+        return np.max(self.response.correction)
+
+    @computed_word(key="status")
+    def response_status(self) -> str:
+        """Status of the response in words."""
+        # a response that is not raises before there is a result, see `rotor_motion`
+        return "ok"
+
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each order and speed."""
-        yield Data("order", "", np.array(self.orders), ("order",))
-        yield Data("speed", "rad/s", self.speeds, ("speed",))
-        orbits = self.orbits()
-        for name, motion in self.motion.items():
-            for number, axis in enumerate(self.axes):
-                unit = "m" if axis.startswith("u") else "rad"
-                yield Data(f"{name}.{axis}", unit, motion[..., number], self.table_dims)
-            yield Data(f"{name}.major_axis", "m", orbits[name].major, self.table_dims)
-            yield Data(f"{name}.minor_axis", "m", orbits[name].minor, self.table_dims)
-
-    def nested(self) -> dict[str, Any]:
-        """Amplitudes and orbits by node, forces by link; lists over the orders, then the speeds."""
-        orbits = self.orbits()
-
-        def node(name: str) -> dict[str, Any]:
-            motion = dict(zip(self.axes, np.moveaxis(self.motion[name], -1, 0), strict=True))
-            return {
-                "amplitude": {axis: np.abs(x) for axis, x in motion.items()},
-                "phase": {axis: np.angle(x) for axis, x in motion.items()},
-                "major_axis": orbits[name].major,
-                "minor_axis": orbits[name].minor,
-                "inclination": orbits[name].inclination,
-            }
-
-        parts = fields_of(self, "curves", "linearised")
-        return {
-            **size_of(self.model),
-            **fields_of(self, "speeds", "orders", "axes"),
-            "nodes": {name: node(name) for name in self.motion},
-            "links": self.forces,
-            "correction": np.max(self.response.correction),
-            # a response that is not raises before there is a result, see `rotor_motion`
-            "status": "ok",
-            **{name: part for name, part in parts.items() if part is not None},
-        }
+        yield from self.data_of(order="orders", speed="speeds")
+        for name, node in self.nodes.items():
+            axes = node.data_of("major_axis", "minor_axis")
+            for data in (*node.amplitude.described(), *axes):
+                yield data._replace(name=f"{name}.{data.name}")
 
 
 def rotor_motion(
@@ -198,7 +302,7 @@ def rotor_motion(
         # A model of 4 degrees of freedom moves in no axial direction: a link along z transmits nothing
         # in it.
         if of_axes:
-            links[_link_name(design, number)] = of_axes
+            links[_link_name(design, number)] = LinkForces(**of_axes)
     curves = linearised = None
     if over is not None:
         # unchecked: a speed without a response is a gap in the curve, and no error
@@ -274,7 +378,7 @@ def _moving_films(design: Machine) -> dict[int, str]:
     return moving
 
 
-def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
+def _linearised(design, speeds, answer, watched, moving) -> LinearisedMotion:
     """Major axes, and stiffness and damping of the moving journals' films at the speeds."""
     major = _major(_relative(answer(design, speeds).checked(), watched))
     films = {}
@@ -286,8 +390,8 @@ def _linearised(design, speeds, answer, watched, moving) -> dict[str, Any]:
             k, c = links[number].law.coefficients(jnp.asarray(speed))
             stiffness.append(k)
             damping.append(c)
-        films[name] = {"stiffness": stiffness, "damping": damping}
-    return {"major_axis": dict(zip(watched, major, strict=True)), "films": films}
+        films[name] = FilmCoefficients(stiffness, damping)
+    return LinearisedMotion(dict(zip(watched, major, strict=True)), films)
 
 
 def _bearing_name(design: Machine, number: int) -> str:
