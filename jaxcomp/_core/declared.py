@@ -162,6 +162,22 @@ class Declared:
         """Units of entries that are known by name only, such as registered quantities, for the schema."""
         return {}
 
+    def tree(self) -> dict[str, Any]:
+        """Declared numbers and words by their names, as of `tree_of`."""
+        tree: dict[str, Any] = {}
+        for name, declaration in declarations(type(self)).items():
+            if declaration.table_only:
+                continue
+            value = getattr(self, name)
+            if value is None and declaration.optional:
+                continue
+            entry = tree_of(value)
+            if declaration.inline:
+                tree |= entry
+            else:
+                tree[declaration.key or name] = _with_unit(entry, declaration)
+        return tree
+
     def entries(self) -> dict[str, Any]:
         """Numbers [SI] and words by name, nested where they belong together.
 
@@ -209,11 +225,7 @@ def tree_of(value: Any) -> Any:
     not finite becomes `None`.
     """
     if isinstance(value, Declared):
-        if hasattr(value, "nested"):  # TRANSITION
-            from . import nested as old
-
-            return old.unkeyed(old.with_units(old.plain(value.nested()), value.units_of_nested()))
-        return _entries(value)
+        return value.tree()
     if isinstance(value, Measured):
         return Measured(tree_of(value.value), value.unit)
     # before lists and tuples: one with named fields is a tuple as well
@@ -233,26 +245,13 @@ def tree_of(value: Any) -> Any:
     return value
 
 
-def _entries(thing: Declared) -> dict[str, Any]:
-    entries: dict[str, Any] = {}
-    for name, declaration in declarations(type(thing)).items():
-        if declaration.table_only:
-            continue
-        value = getattr(thing, name)
-        if value is None and declaration.optional:
-            continue
-        entry = tree_of(value)
-        if declaration.inline:
-            entries |= entry
-            continue
-        unit = declaration.unit
-        if unit and not isinstance(unit, Note):
-            if declaration.by_name:
-                entry = {member: Measured(number, unit) for member, number in entry.items()}
-            else:
-                entry = Measured(entry, unit)
-        entries[declaration.key or name] = entry
-    return entries
+def _with_unit(entry: Any, declaration: Declaration) -> Any:
+    unit = declaration.unit
+    if not unit or isinstance(unit, Note):
+        return entry
+    if declaration.by_name:
+        return {member: Measured(number, unit) for member, number in entry.items()}
+    return Measured(entry, unit)
 
 
 def without_units(tree: Any) -> Any:
@@ -335,11 +334,6 @@ def schema_of(*kinds: Any) -> dict[str, Any]:
 
 def _schema_of_kind(kind: type[Declared]) -> _Schema:
     schema = _Schema({}, {})
-    if hasattr(kind, "nested"):  # TRANSITION
-        from . import nested as old
-
-        document = old.schema_of(kind.units_of_nested())
-        return _Schema(document["properties"], document["patternProperties"])
     for name, unit in kind.units_by_name().items():
         schema.properties[f"{name} [{unit}]" if unit else name] = _NUMBERS
     for name, declaration in declarations(kind).items():

@@ -26,7 +26,6 @@ from .display import shown
 from .errors import BadInput
 from .fields import is_any_traced
 from .files import regular, write_whole
-from .nested import Table, merged, units_table
 from .saved import UnknownClass, from_json, to_json
 from .status import Status
 from .words import hint
@@ -76,15 +75,18 @@ class Result(Declared):
     __slots__ = ()
     # Dimensions of the table that `columns` makes.
     table_dims: ClassVar[tuple[str, ...]] = ()
+    # Whether JSON has all quantities of `described` beside each other, and not the declared entries.
+    flat: ClassVar[bool] = False
     # Fields that `save` leaves out: what a solver kept for itself.
     not_saved: ClassVar[tuple[str, ...]] = ()
-    # Units of what `nested` returns beside the fields that `reading` declares, as `units_table` reads
-    # them. Results that it has under a key bring their own.
-    nested_units: ClassVar[str] = ""
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units: those that it declares."""
         return self.data_of(*declarations(type(self)))
+
+    def tree(self) -> dict[str, Any]:
+        """Numbers and words for JSON, as of `tree_of`."""
+        return tree_of(self.to_dict()) if self.flat else super().tree()
 
     def data_of(
         self, *names: str, dims: tuple[str, ...] | None = None, **renamed: str
@@ -154,15 +156,6 @@ class Result(Declared):
             else:
                 numbers[data.header] = _finite(values)
         return numbers
-
-    @classmethod
-    def units_of_nested(cls) -> Table:
-        """The unit of every number of `nested`."""
-        units = {}
-        for name, declaration in declarations(cls).items():
-            if declaration.unit is not None:
-                units[name] = declaration.unit
-        return merged(units, units_table(cls.nested_units))
 
     def to_json(self) -> str:
         """The text that a command prints with `--json`: `entries`, with the SI unit in each key."""

@@ -47,6 +47,7 @@ class JournalOrbit(Result, eqx.Module):
     iterations: Int[Array, ""] = reading("")
 
     table_dims: ClassVar[tuple[str, ...]] = ("node",)
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units, with those of its film."""

@@ -153,6 +153,7 @@ class Orbit(Result, eqx.Module):
     gas_work_error: Float[Array, ""] | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""

@@ -54,6 +54,8 @@ class Performance(Result, eqx.Module):
     heat: dict[str, Float[Array, ""]]
     orbit: Orbit
 
+    flat: ClassVar[bool] = True
+
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         yield Data("electric_power", "W", self.electric_power)

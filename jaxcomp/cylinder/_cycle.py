@@ -138,6 +138,7 @@ class Cycle(Result, eqx.Module):
     pulsation: Pulsation | None = None
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
+    flat: ClassVar[bool] = True
 
     @property
     def event_count(self) -> Int[Array, "*batch"]:

@@ -70,6 +70,8 @@ class Pulsation(Result, eqx.Module):
     case: Case
     phase: Float[Array, ""]
 
+    flat: ClassVar[bool] = True
+
     @property
     def lines(self) -> list[tuple[int, Line, Observed]]:
         """Number, network and flows of every line that is one."""

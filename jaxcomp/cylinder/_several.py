@@ -87,6 +87,7 @@ class SeveralCycles(Result, eqx.Module):
     stages: tuple[int, ...] = eqx.field(static=True, default=())
 
     table_dims: ClassVar[tuple[str, ...]] = ()
+    flat: ClassVar[bool] = True
 
     totals = _combined(_sum, "totals", "[kg] and [J] over the revolution, of all.")
     delivered = _combined(_delivery, "delivered", "[kg] a revolution.")

@@ -60,6 +60,7 @@ class DampedModes(Result, eqx.Module):
     growth: Array = reading("rad/s", doc="largest real part of all eigenvalues")
 
     table_dims: ClassVar[tuple[str, ...]] = ("mode",)
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; of a Campbell diagram with a batch of speeds."""

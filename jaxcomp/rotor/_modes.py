@@ -133,6 +133,7 @@ class Modes(Result, eqx.Module):
     shape: Array
 
     table_dims: ClassVar[tuple[str, ...]] = ("mode",)
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""

@@ -61,6 +61,7 @@ class Response(Result, eqx.Module):
     nodes: tuple[str, ...] = eqx.field(static=True, default=())
 
     table_dims: ClassVar[tuple[str, ...]] = ("order", "speed", "node")
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the order is frequency over speed."""

@@ -177,6 +177,7 @@ class DriveComparison(Result, eqx.Module):
     )
 
     table_dims: ClassVar[tuple[str, ...]] = ("pair",)
+    flat: ClassVar[bool] = True
 
     @computed("W", doc="at the shaft")
     def total_saving(self) -> Any:

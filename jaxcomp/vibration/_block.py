@@ -49,6 +49,7 @@ class Harmonics(Result, eqx.Module):
     speed: Float[Array, ""] = reading("rad/s")
 
     table_dims: ClassVar[tuple[str, ...]] = ("quantity", "order")
+    flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result; amplitudes in the units of what they are amplitudes of."""
