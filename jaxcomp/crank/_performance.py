@@ -1,6 +1,7 @@
 """Where the electric power of a compressor with valves goes: its uses, and the heat that it becomes."""
 
 from collections.abc import Iterator
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp

@@ -1,7 +1,7 @@
 """Pulsation of the lines of a cycle behind pipes: spectra, limits, shaking forces and losses."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
