@@ -1,4 +1,4 @@
-"""What a result consists of: every number, word and record in it, declared once.
+"""Declarations of results: every number, word and record in them, once.
 
 A field is declared by [`reading`][], [`word`][] or [`part`][], a number that is computed from fields by
 `computed`. Unit, dimensions and sentence of a number stand there and nowhere else: JSON and its schema,
@@ -33,6 +33,11 @@ RATIO = Note("in the unit of the quantity over that of the number")
 IN_KEY = Note("in the unit that stands in the key")
 
 
+def with_unit(name: str, unit: str) -> str:
+    """`pressure [Pa]`; the name alone for a pure number."""
+    return f"{name} [{unit}]" if unit else name
+
+
 class Measured(NamedTuple):
     """A number, or a list of them, whose unit is known with the result only."""
 
@@ -41,7 +46,7 @@ class Measured(NamedTuple):
 
 
 class Declaration(NamedTuple):
-    """What is known of an entry of a result before there is a result.
+    """Description of an entry of a result before there is a result.
 
     Attributes:
         unit: SI unit of a number, "" for a pure one; a `Note` where it is known with the result only;
@@ -124,7 +129,9 @@ def forwarded(kind: type, path: str, **options: Any) -> Any:
     def number(self: Any) -> Any:
         """Number of a part."""
         holder = getattr(self, field)
-        return None if holder is None else getattr(holder, name)
+        if holder is None:
+            return None
+        return getattr(holder, name)
 
     return _computed(declarations(kind)[name]._replace(**options))(number)
 
@@ -153,7 +160,7 @@ def _computed(declaration: Declaration) -> Callable[[Callable[[Any], _Value]], _
 
 
 class Declared:
-    """Base of what consists of declared entries."""
+    """Base of classes with declared entries."""
 
     __slots__ = ()
 
@@ -175,7 +182,7 @@ class Declared:
             if declaration.inline:
                 tree |= entry
             else:
-                tree[declaration.key or name] = _with_unit(entry, declaration)
+                tree[declaration.key or name] = _measured(entry, declaration)
         return tree
 
     def entries(self) -> dict[str, Any]:
@@ -192,25 +199,29 @@ class Record(Declared):
     __slots__ = ()
 
 
+# asked for every record that is printed, and the same for all of a class
 @cache
 def declarations(kind: type) -> Mapping[str, Declaration]:
     """Declarations of a class by the names of its fields and properties, in their order."""
-    found = {}
+    declared = {}
     for field in dataclasses.fields(kind):
         if "declaration" in field.metadata:
-            found[field.name] = field.metadata["declaration"]
+            declared[field.name] = field.metadata["declaration"]
     for base in reversed(kind.__mro__):
         for name, member in vars(base).items():
             if isinstance(member, Computed):
-                found[name] = member.declaration
-    return found
+                declared[name] = member.declaration
+    return declared
 
 
 def records_of(kind: type[_Record], **columns: Any) -> tuple[_Record, ...]:
     """Records of a class from columns of equal length by the names of its fields."""
     lists = []
     for column in columns.values():
-        lists.append(column.tolist() if hasattr(column, "tolist") else list(column))
+        # numbers of Python, as they stand in JSON
+        if hasattr(column, "tolist"):
+            column = column.tolist()
+        lists.append(column)
     records = []
     for row in zip(*lists, strict=True):
         records.append(kind(**dict(zip(columns, row, strict=True))))
@@ -245,7 +256,7 @@ def tree_of(value: Any) -> Any:
     return value
 
 
-def _with_unit(entry: Any, declaration: Declaration) -> Any:
+def _measured(entry: Any, declaration: Declaration) -> Any:
     unit = declaration.unit
     if not unit or isinstance(unit, Note):
         return entry
@@ -266,7 +277,7 @@ def without_units(tree: Any) -> Any:
 
 
 def with_units(tree: Any) -> Any:
-    """The same with the SI unit of each number in its key, as `mean_speed [rad/s]`."""
+    """Numbers and words of a tree with the SI unit of each in its key, as `mean_speed [rad/s]`."""
     if isinstance(tree, Measured):
         return with_units(tree.value)
     if isinstance(tree, list):
@@ -276,8 +287,8 @@ def with_units(tree: Any) -> Any:
     keyed = {}
     for key, entry in tree.items():
         # a truth value or a word has no unit, also under a key that may hold a number
-        if isinstance(entry, Measured) and entry.unit and not isinstance(entry.value, bool | str):
-            key = f"{key} [{entry.unit}]"
+        if isinstance(entry, Measured) and not isinstance(entry.value, bool | str):
+            key = with_unit(key, entry.unit)
         keyed[key] = with_units(entry)
     return keyed
 
@@ -308,11 +319,11 @@ class _Schema(NamedTuple):
 
     def add(self, other: "_Schema") -> None:
         """Add entries; a key that two classes have may hold what either of them says."""
-        for own, further in zip(self, other, strict=True):
+        for schemas, further in zip(self, other, strict=True):
             for key, schema in further.items():
-                if own.get(key, schema) != schema:
-                    schema = {"anyOf": [own[key], schema]}
-                own[key] = schema
+                if schemas.get(key, schema) != schema:
+                    schema = {"anyOf": [schemas[key], schema]}
+                schemas[key] = schema
 
     def document(self) -> dict[str, Any]:
         """The schema of an object; what it does not name are words."""
@@ -335,7 +346,7 @@ def schema_of(*kinds: Any) -> dict[str, Any]:
 def _schema_of_kind(kind: type[Declared]) -> _Schema:
     schema = _Schema({}, {})
     for name, unit in kind.units_by_name().items():
-        schema.properties[f"{name} [{unit}]" if unit else name] = _NUMBERS
+        schema.properties[with_unit(name, unit)] = _NUMBERS
     for name, declaration in declarations(kind).items():
         if declaration.inline and declaration.kind is not None:
             schema.add(_schema_of_kind(declaration.kind))
@@ -362,7 +373,7 @@ def _schema_of_entry(key: str, declaration: Declaration) -> _Schema:
     if declaration.by_name:
         named = {rf" \[{re.escape(unit)}\]$": _NUMBERS}
         return _Schema({key: _Schema({}, named).document()}, {})
-    return _Schema({f"{key} [{unit}]" if unit else key: _NUMBERS}, {})
+    return _Schema({with_unit(key, unit): _NUMBERS}, {})
 
 
 def _listed(schema: dict[str, Any]) -> dict[str, Any]:

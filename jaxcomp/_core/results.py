@@ -21,7 +21,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from .declared import Declared, Note, Record, declarations, tree_of, with_units
+from .declared import Declared, Note, Record, declarations, tree_of, with_unit, with_units
 from .display import shown
 from .errors import BadInput
 from .fields import is_any_traced
@@ -64,11 +64,6 @@ class Data(NamedTuple):
         return with_unit(self.name, self.unit)
 
 
-def with_unit(name: str, unit: str) -> str:
-    """`pressure [Pa]`; the name alone for a pure number."""
-    return f"{name} [{unit}]" if unit else name
-
-
 class Result(Declared):
     """Base of results: everything that they can do beside holding their numbers."""
 
@@ -86,7 +81,9 @@ class Result(Declared):
 
     def tree(self) -> dict[str, Any]:
         """Numbers and words for JSON, as of `tree_of`."""
-        return tree_of(self.to_dict()) if self.flat else super().tree()
+        if self.flat:
+            return tree_of(self.to_dict())
+        return super().tree()
 
     def data_of(
         self, *names: str, dims: tuple[str, ...] | None = None, **renamed: str

@@ -1,4 +1,4 @@
-"""What each command prints with --json: the classes of its results, and the JSON schema of them all."""
+"""Classes of the results that commands print with --json, and the JSON schema of them all."""
 
 from typing import Any
 

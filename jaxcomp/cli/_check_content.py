@@ -1,4 +1,4 @@
-"""What `jaxcomp check` finds in a machine file: its parts, what follows from them, or its errors."""
+"""Findings of `jaxcomp check`: parts of a machine file, what follows from them, or all its errors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class FileErrors(Record):
 
 @dataclass(frozen=True)
 class Consequence(Record):
-    """What follows from the entries of a machine file."""
+    """A number that follows from the entries of a machine file."""
 
     what: str = word()
     value: Any = reading(BESIDE)

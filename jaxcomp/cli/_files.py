@@ -122,7 +122,7 @@ def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     )
     table = _word_table("Compiled programs", ("", ""), rows)
     content = StoredPrograms(
-        folder=folder if stored.folder else None,
+        folder=stored.folder and folder,
         why=stored.why,
         programs=stored.programs,
         size=stored.size,
@@ -223,7 +223,7 @@ def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Ta
 class ListedValue(Record):
     """A value of a machine file, as it is given and in its SI unit, with its source."""
 
-    given: Any = reading(BESIDE)
+    written: Any = reading(BESIDE, key="given")
     value: Any = reading(BESIDE)
     unit: str = word()
     source: str = word()

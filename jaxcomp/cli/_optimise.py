@@ -205,9 +205,9 @@ class ComparedRow(Record):
 
 @dataclass(frozen=True)
 class SearchNumbers(Record):
-    """What a search was asked for, how long it took [s], and the optimum beside the present design."""
+    """Options and duration [s] of a search, and the optimum beside the present design."""
 
-    asked: dict[str, Any] = reading(OPTION)
+    options: dict[str, Any] = reading(OPTION, key="asked")
     seconds: float = reading("s")
     comparison: tuple[ComparedRow, ...] | None = part(ComparedRow, optional=True, default=None)
 

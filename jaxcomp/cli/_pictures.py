@@ -92,7 +92,7 @@ class BalancedMotion(Record):
 
 @dataclass(frozen=True)
 class Animation(Record):
-    """What moving pictures show.
+    """Results that moving pictures show.
 
     Attributes:
         machine, file: name and file of the machine.

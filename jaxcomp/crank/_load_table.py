@@ -315,7 +315,7 @@ class LoadedJournal(Result, eqx.Module):
 
     @computed_word()
     def limits(self) -> str:
-        """What the film leaves out."""
+        """Limits of the film model."""
         return squeeze_of(self.bearing).limits
 
     @computed_word()

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.declared import (
+    Record,
     computed,
     computed_part,
     computed_word,
@@ -72,6 +73,15 @@ class CrankCourse(Result):
             for name, work in self.losses.items():
                 yield losses._replace(name=f"loss.{name}", values=work)
         yield from self.data_of("kinetic_energy")
+
+
+@dataclasses.dataclass(frozen=True)
+class GasExtremes(Record):
+    """Gas that was delivered [kg], and highest pressure [Pa] and temperature [K] in a cylinder."""
+
+    delivered_mass: Any = reading("kg")
+    highest_pressure: Any = reading("Pa")
+    highest_temperature: Any = reading("K")
 
 
 class Transient(Result, eqx.Module):
@@ -184,20 +194,16 @@ class Transient(Result, eqx.Module):
         """[-] Residual of the energy up to the end, see `residual`."""
         return self.residual[-1]
 
-    @computed("kg", optional=True)
-    def delivered_mass(self) -> Any:
-        """[kg] Gas delivered since the start; `None` where the pressure is prescribed."""
-        return None if self.gas is None else self.gas.delivered
-
-    @computed("Pa", optional=True)
-    def highest_pressure(self) -> Any:
-        """[Pa] Highest pressure in a cylinder; `None` where the pressure is prescribed."""
-        return None if self.gas is None else np.max(self.gas.pressure)
-
-    @computed("K", optional=True)
-    def highest_temperature(self) -> Any:
-        """[K] Highest temperature in a cylinder; `None` where the pressure is prescribed."""
-        return None if self.gas is None else np.max(self.gas.temperature)
+    @computed_part(GasExtremes, inline=True, optional=True)
+    def gas_extremes(self) -> GasExtremes | None:
+        """Gas delivered, and its extremes; `None` where the pressure is prescribed."""
+        if self.gas is None:
+            return None
+        return GasExtremes(
+            delivered_mass=self.gas.delivered,
+            highest_pressure=np.max(self.gas.pressure),
+            highest_temperature=np.max(self.gas.temperature),
+        )
 
     @computed_word()
     def converged(self) -> Bool[Array, ""]:

@@ -134,7 +134,7 @@ class SteadyBearing(Result):
 
     @computed_word()
     def limits(self) -> str:
-        """What the film model leaves out."""
+        """Limits of the film model."""
         return self.bearing.model.limits
 
     @computed_word()

@@ -50,7 +50,7 @@ class StribeckCurve(Result, eqx.Module):
 
     @computed_word()
     def limits(self) -> str:
-        """What the film model leaves out."""
+        """Limits of the film model."""
         return self.bearing.model.limits
 
     @computed_part(BearingSizes, inline=True)

@@ -280,7 +280,7 @@ class Optimum(Result):
 
     @computed_part(SampleInShort, key="sample")
     def sample_in_short(self) -> SampleInShort:
-        """How many designs of the sample could be solved, and the best of them."""
+        """Numbers of designs of the sample could be solved, and the best of them."""
         sample = self.sample
         best = None
         if sample.best is not None:

@@ -157,12 +157,12 @@ class ParetoFront(Result):
 
     @computed_word()
     def verdicts(self) -> list[str]:
-        """What is said of either end."""
+        """Verdicts on either end."""
         return [end.verdict for end in self.ends]
 
     @computed_part(SampleCount, key="sample")
     def sample_in_short(self) -> SampleCount:
-        """How many designs the front is compared with."""
+        """Numbers of designs that the front is compared with."""
         return SampleCount(len(self.ends[0].sample.ok), len(self.sample))
 
     def described(self) -> Iterator[Data]:

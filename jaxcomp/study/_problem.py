@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.arguments import listed_names
-from .._core.declared import Measured
+from .._core.declared import Measured, with_unit
 from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
 from .._core.exported import kept_jit
-from .._core.results import Data, with_unit
+from .._core.results import Data
 from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
 from ..crank._collocation import default_collocation

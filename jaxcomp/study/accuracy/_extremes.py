@@ -105,7 +105,7 @@ class Extremes(Result):
 
     @computed_word()
     def study(self) -> str:
-        """What was varied, as in a `Report`."""
+        """Name of the study, as in a `Report`."""
         return "extremes"
 
     @property

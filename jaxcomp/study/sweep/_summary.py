@@ -16,9 +16,9 @@ from ..._core.declared import (
     part,
     reading,
     records_of,
+    with_unit,
     word,
 )
-from ..._core.results import with_unit
 from ._best import best_curve, best_design
 from ._store import OK, STATUS, quantity_names, status_words, variable_names
 
@@ -44,13 +44,13 @@ class BestPoint(Record):
     """The best value of one variable for a value of the other.
 
     Attributes:
-        across: value of the other variable.
+        abscissa: value of the other variable.
         best: of the designs.
         between: of a parabola through the best design and its neighbours.
         value: of the quantity.
     """
 
-    across: float = reading(NUMBER)
+    abscissa: float = reading(NUMBER, key="across")
     best: float = reading(NUMBER)
     between: float = reading(NUMBER)
     value: float = reading(QUANTITY)
@@ -61,7 +61,7 @@ class ListedCurve(Record):
     """The best value of one variable over another one."""
 
     along: str = word()
-    across: str = word()
+    abscissa: str = word(key="across")
     points: tuple[BestPoint, ...] = part(BestPoint)
 
 
@@ -162,10 +162,10 @@ def _quantity(dataset, name: str, few: bool) -> QuantitySummary:
     curve = None
     if ranked and data.ndim == 2 and dataset[name].dims != ("sample",):
         columns = map(np.asarray, best_curve(dataset, name))
-        names = ("across", "best", "between", "value")
+        names = ("abscissa", "best", "between", "value")
         points = records_of(BestPoint, **dict(zip(names, columns, strict=True)))
         along_dim, across_dim = map(str, dataset[name].dims)
-        curve = ListedCurve(along=along_dim, across=across_dim, points=points)
+        curve = ListedCurve(along=along_dim, abscissa=across_dim, points=points)
     good = data[np.isfinite(data)]
     keys = ("lowest", "highest", "mean", "deviation", "percentiles")
     statistics: dict[str, Any] = dict.fromkeys(keys)

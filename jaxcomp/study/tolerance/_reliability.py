@@ -97,7 +97,7 @@ class Reliability(Record):
 
     @computed("")
     def nearest_points(self) -> int:
-        """How many nearest points were found."""
+        """Number of nearest points."""
         return len(self.points)
 
     @property

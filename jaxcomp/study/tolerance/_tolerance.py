@@ -114,12 +114,12 @@ class Tolerances(Result):
 
     @computed("")
     def samples(self) -> int:
-        """How many machines were drawn."""
+        """Number of machines drawn."""
         return len(self.sampled.ok)
 
     @computed("")
     def failed(self) -> int:
-        """How many of them could not be solved."""
+        """Number of machines without a solution."""
         return int(np.sum(~self.sampled.ok))
 
     @computed_part(_answer.ScatteredQuantity, by_name=True)
