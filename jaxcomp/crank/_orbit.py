@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Complex, Float, Int
 
+from .._core.declared import held, reading, word
 from .._core.exported import kept_jit
 from .._core.extremes import max_of, maximum, min_of, minimum
 from .._core.fields import replaced
@@ -129,28 +130,30 @@ class Orbit(Result, eqx.Module):
 
     state: CrankState
     weight: Float[Array, " n"]
-    time: Float[Array, " n"]
-    pressure: Float[Array, "k n"] | None
-    gas_torque: Float[Array, " n"]
-    motor_torque: Float[Array, " n"]
-    loads: JointLoads
-    energy: Energy
-    loss_error: dict[str, Float[Array, ""]]
-    peak_forces: dict[str, Float[Array, ""]]
-    peak_error: dict[str, Float[Array, ""]]
-    mean_speed: Float[Array, ""]
-    lowest_speed: Float[Array, ""]
-    highest_speed: Float[Array, ""]
-    status: Status
-    residual: Float[Array, ""]
-    resolution: Float[Array, ""]
-    iterations: Int[Array, ""]
-    solver: str = eqx.field(static=True)
-    panel_nodes: int = eqx.field(static=True)
-    cycle: Cycle | SeveralCycles | None = None
-    verification: Verification | None = None
-    positions: dict[str, Float[Array, "2 n"]] | None = None
-    gas_work_error: Float[Array, ""] | None = None
+    time: Float[Array, " n"] = reading("s", "crank_angle")
+    pressure: Float[Array, "k n"] | None = reading("Pa", "cylinder", "crank_angle")
+    gas_torque: Float[Array, " n"] = reading(
+        "N m", "crank_angle", doc="of gas and weights on the crank"
+    )
+    motor_torque: Float[Array, " n"] = reading("N m", "crank_angle")
+    loads: JointLoads = held()
+    energy: Energy = held()
+    loss_error: dict[str, Float[Array, ""]] = held()
+    peak_forces: dict[str, Float[Array, ""]] = held()
+    peak_error: dict[str, Float[Array, ""]] = held()
+    mean_speed: Float[Array, ""] = held()
+    lowest_speed: Float[Array, ""] = held()
+    highest_speed: Float[Array, ""] = held()
+    status: Status = held()
+    residual: Float[Array, ""] = reading("")
+    resolution: Float[Array, ""] = held()
+    iterations: Int[Array, ""] = held()
+    solver: str = word(static=True)
+    panel_nodes: int = held(static=True)
+    cycle: Cycle | SeveralCycles | None = held(default=None)
+    verification: Verification | None = held(default=None)
+    positions: dict[str, Float[Array, "2 n"]] | None = held(default=None)
+    gas_work_error: Float[Array, ""] | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
     flat: ClassVar[bool] = True
@@ -160,29 +163,28 @@ class Orbit(Result, eqx.Module):
         at = self.table_dims
         yield from self._registered()
         yield Data("energy_residual", "", self.energy.residual)
-        yield Data("residual", "", self.residual)
+        yield from self.data_of("residual")
         if self.verification is not None:
             error = self.verification.efficiency_error
             yield Data("efficiency_error", "", -error, doc="by an independent march")
         yield Data("crank_angle", "rad", self.state.angle, at)
-        yield Data("time", "s", self.time, at)
+        yield from self.data_of("time")
         yield Data("speed", "rad/s", self.state.speed, at)
         yield Data("acceleration", "rad/s^2", self.state.acceleration, at)
-        if self.pressure is not None:
-            every = jnp.moveaxis(self.pressure, -2, 0)
+        for data in self.data_of("pressure", dims=at):
+            every = jnp.moveaxis(data.values, -2, 0)
             for number, pressure in enumerate(every, 1):
-                name = "pressure" if len(every) == 1 else f"pressure.{number}"
-                yield Data(name, "Pa", pressure, at)
-        yield Data("motor_torque", "N m", self.motor_torque, at)
-        yield Data("gas_torque", "N m", self.gas_torque, at, "of gas and weights on the crank")
+                name = data.name if len(every) == 1 else f"{data.name}.{number}"
+                yield data._replace(name=name, values=pressure)
+        yield from self.data_of("motor_torque", "gas_torque")
         for name, torque in self.loads.loss_torque.items():
             yield Data(f"friction_torque.{name}", "N m", torque, at, "power lost over crank speed")
         for name, force in self.loads.forces.items():
             x = force[..., 0, :]
             y = force[..., 1, :]
-            yield Data(f"joint_force.{name}.x", "N", x, at)
-            yield Data(f"joint_force.{name}.y", "N", y, at)
-            yield Data(f"joint_force.{name}", "N", jnp.hypot(x, y), at)
+            components = {".x": x, ".y": y, "": jnp.hypot(x, y)}
+            for suffix, component in components.items():
+                yield Data(f"joint_force.{name}{suffix}", "N", component, at)
 
     def _registered(self) -> Iterator[Data]:
         """The quantities of the registry that an orbit, with its cycle if it has one, is enough for."""

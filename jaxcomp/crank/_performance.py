@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._core.declared import computed, held, reading
 from .._core.extremes import maximum
 from .._core.results import Data, Result
 from ..compressor import Compressor
@@ -48,35 +49,32 @@ class Performance(Result, eqx.Module):
         orbit: where the rest stands.
     """
 
-    electric_power: Float[Array, ""]
-    motor_efficiency: Float[Array, ""]
-    overall_efficiency: Float[Array, ""]
-    power: dict[str, Float[Array, ""]]
-    heat: dict[str, Float[Array, ""]]
-    orbit: Orbit
+    electric_power: Float[Array, ""] = reading("W")
+    motor_efficiency: Float[Array, ""] = reading("")
+    overall_efficiency: Float[Array, ""] = reading("")
+    power: dict[str, Float[Array, ""]] = reading("W", key="power_use")
+    heat: dict[str, Float[Array, ""]] = reading("W", key="heat_to")
+    orbit: Orbit = held()
 
     flat: ClassVar[bool] = True
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        yield Data("electric_power", "W", self.electric_power)
-        for name in ("motor_efficiency", "overall_efficiency"):
-            yield Data(name, "", getattr(self, name))
+        yield from self.data_of("electric_power", "motor_efficiency", "overall_efficiency")
         if self.orbit.cycle and self.orbit.cycle.case.cylinder.refrigerates:
-            yield Data("cop", "", self.cop)
-        for cause, value in self.power.items():
-            yield Data(f"power_use.{cause}", "W", value)
-        for place, value in self.heat.items():
-            yield Data(f"heat_to.{place}", "W", value)
-        yield Data("heat_closure", "", self.heat_closure)
+            yield from self.data_of("cop")
+        for shares in self.data_of("power", "heat"):
+            for place, value in shares.values.items():
+                yield shares._replace(name=f"{shares.name}.{place}", values=value)
+        yield from self.data_of("heat_closure")
 
-    @property
+    @computed("")
     def cop(self) -> Float[Array, ""]:
         """[-] Cooling capacity over electric power."""
         assert self.orbit.cycle is not None
         return self.orbit.cycle.capacity / self.electric_power
 
-    @property
+    @computed("")
     def heat_closure(self) -> Float[Array, ""]:
         """[-] Electric power that neither refrigerant nor surroundings gain as heat, over itself.
 

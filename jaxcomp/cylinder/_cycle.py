@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from .._core.declared import computed, held, reading, word
 from .._core.extremes import max_of
 from .._core.results import Data, Result
 from .._core.status import Status
@@ -58,18 +59,13 @@ class Events(eqx.Module):
 
 def whole_cycle(cycle) -> Iterator[Data]:
     """Quantities of one cycle, or several together, over a revolution."""
-    yield Data("mass_flow", "kg/s", cycle.mass_flow)
-    yield Data("volumetric_efficiency", "", cycle.volumetric_efficiency)
-    yield Data("isentropic_efficiency", "", cycle.isentropic_efficiency)
-    yield Data("indicated_power", "W", cycle.indicated_power)
-    yield Data("discharge_temperature", "K", cycle.discharge_temperature)
-    yield Data("peak_pressure", "Pa", cycle.peak_pressure)
-    if cycle.wall_temperature is not None:
-        yield Data("wall_temperature", "K", cycle.wall_temperature)
-    for name, work in cycle.work_losses.items():
-        yield Data(f"indicated_work.{name}", "J", work)
-    yield Data("mass_closure", "", cycle.mass_closure)
-    yield Data("energy_closure", "", cycle.energy_closure)
+    yield from cycle.data_of("mass_flow", "volumetric_efficiency", "isentropic_efficiency")
+    yield from cycle.data_of("indicated_power", "discharge_temperature", "peak_pressure")
+    yield from cycle.data_of("wall_temperature")
+    for losses in cycle.data_of("work_losses"):
+        for name, work in losses.values.items():
+            yield losses._replace(name=f"indicated_work.{name}", values=work)
+    yield from cycle.data_of("mass_closure", "energy_closure")
 
 
 class Cycle(Result, eqx.Module):
@@ -109,33 +105,35 @@ class Cycle(Result, eqx.Module):
         pulsation: in the pipes of a single cylinder; of several it is that of all together.
     """
 
-    angle: Float[Array, " n"]
-    weight: Float[Array, " n"]
-    volume: Float[Array, " n"]
-    pressure: Float[Array, " n"]
-    temperature: Float[Array, " n"]
-    mass: Float[Array, " n"]
-    lift: Float[Array, "2 n"]
-    flow: Float[Array, "2 n"]
-    port_velocity: Float[Array, "2 n"]
-    totals: Accounts
-    events: Events
-    leakage_work: Float[Array, ""]
-    peak_pressure: Float[Array, ""]
-    status: Status
-    residual: Float[Array, ""]
-    iterations: Int[Array, ""]
-    revolutions: Int[Array, ""]
-    passes: Int[Array, ""]
-    case: Case
-    solver: str = eqx.field(static=True)
-    raw: Any = None
-    plenum_pressure: Float[Array, "p n"] | None = None
-    valve_events: Int[Array, "2"] | None = None
-    repeats: Bool[Array, ""] | None = None
-    flange_pressure: Float[Array, "p m 2"] | None = None
-    piping_work: Float[Array, "2"] | None = None
-    pulsation: Pulsation | None = None
+    angle: Float[Array, " n"] = reading("rad", "crank_angle")
+    weight: Float[Array, " n"] = held()
+    volume: Float[Array, " n"] = reading("m^3", "crank_angle")
+    pressure: Float[Array, " n"] = reading("Pa", "crank_angle")
+    temperature: Float[Array, " n"] = reading("K", "crank_angle")
+    mass: Float[Array, " n"] = reading("kg", "crank_angle")
+    lift: Float[Array, "2 n"] = reading("m", "valve", "crank_angle")
+    flow: Float[Array, "2 n"] = reading("kg/s", "valve", "crank_angle")
+    port_velocity: Float[Array, "2 n"] = held()
+    totals: Accounts = held()
+    events: Events = held()
+    leakage_work: Float[Array, ""] = held()
+    peak_pressure: Float[Array, ""] = reading("Pa")
+    status: Status = held()
+    residual: Float[Array, ""] = held()
+    iterations: Int[Array, ""] = held()
+    revolutions: Int[Array, ""] = held()
+    passes: Int[Array, ""] = held()
+    case: Case = held()
+    solver: str = word(static=True)
+    raw: Any = held(default=None)
+    plenum_pressure: Float[Array, "p n"] | None = reading(
+        "Pa", "plenum", "crank_angle", default=None
+    )
+    valve_events: Int[Array, "2"] | None = held(default=None)
+    repeats: Bool[Array, ""] | None = held(default=None)
+    flange_pressure: Float[Array, "p m 2"] | None = held(default=None)
+    piping_work: Float[Array, "2"] | None = held(default=None)
+    pulsation: Pulsation | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
     flat: ClassVar[bool] = True
@@ -150,24 +148,22 @@ class Cycle(Result, eqx.Module):
         """The quantities of this result in SI units."""
         at = self.table_dims
         yield from whole_cycle(self)
-        yield Data("crank_angle", "rad", self.angle, at)
-        yield Data("volume", "m^3", self.volume, at)
-        yield Data("pressure", "Pa", self.pressure, at)
-        yield Data("temperature", "K", self.temperature, at)
-        yield Data("mass", "kg", self.mass, at)
+        yield from self.data_of(crank_angle="angle")
+        yield from self.data_of("volume", "pressure", "temperature", "mass")
         for number, valve in enumerate(VALVES):
-            yield Data(f"lift.{valve}_valve", "m", self.lift[..., number, :], at)
-            yield Data(f"flow.{valve}_valve", "kg/s", self.flow[..., number, :], at)
-        if self.plenum_pressure is not None:
-            for number, pressure in enumerate(jnp.moveaxis(self.plenum_pressure, -2, 0), 1):
-                yield Data(f"plenum_pressure.{number}", "Pa", pressure, at)
+            for data in self.data_of("lift", "flow", dims=at):
+                of_valve = data.values[..., number, :]
+                yield data._replace(name=f"{data.name}.{valve}_valve", values=of_valve)
+        for data in self.data_of("plenum_pressure", dims=at):
+            for number, pressure in enumerate(jnp.moveaxis(data.values, -2, 0), 1):
+                yield data._replace(name=f"{data.name}.{number}", values=pressure)
 
     @property
     def converged(self) -> Bool[Array, ""]:
         """Whether the solution can be relied on."""
         return self.status == Status.converged
 
-    @property
+    @computed("K")
     def wall_temperature(self) -> Float[Array, ""] | None:
         """[K] of the cylinder's wall, given or by its network; `None` without heat transfer."""
         cylinder = self.case.cylinder
@@ -186,7 +182,7 @@ class Cycle(Result, eqx.Module):
         """[kg] a revolution."""
         return self.totals.discharge
 
-    @property
+    @computed("kg/s")
     def mass_flow(self) -> Float[Array, ""]:
         """[kg/s] delivered."""
         return self.delivered * self.frequency
@@ -196,12 +192,12 @@ class Cycle(Result, eqx.Module):
         """[J] put into the gas in a revolution."""
         return -self.totals.work
 
-    @property
+    @computed("W")
     def indicated_power(self) -> Float[Array, ""]:
         """[W]"""
         return self.indicated_work * self.frequency
 
-    @property
+    @computed("")
     def volumetric_efficiency(self) -> Float[Array, ""]:
         """[-] mass delivered over density in the suction line times swept volume."""
         return self.delivered / self.case.mass_scale
@@ -211,7 +207,7 @@ class Cycle(Result, eqx.Module):
         """[J/kg] of the enthalpy between the lines."""
         return self.case.isentropic.h - self.case.suction.h
 
-    @property
+    @computed("")
     def isentropic_efficiency(self) -> Float[Array, ""]:
         """[-] isentropic work of the mass delivered over the indicated work."""
         return self.delivered * self.isentropic_rise / nonzero(self.indicated_work)
@@ -229,7 +225,7 @@ class Cycle(Result, eqx.Module):
         enthalpy = jnp.where(self.delivered > 0, self.discharge_enthalpy, line.h)
         return self.case.cylinder.fluid.at_enthalpy(line.p, enthalpy, line)
 
-    @property
+    @computed("K")
     def discharge_temperature(self) -> Float[Array, ""]:
         """[K] of that gas at the pressure of the line."""
         return self.discharged_gas.T
@@ -246,13 +242,13 @@ class Cycle(Result, eqx.Module):
         inverse = jnp.log(behind.rho / suction.rho) / jnp.log(ratio)  # 1/n
         return suction.p / suction.rho * (ratio ** (1 - inverse) - 1) / (1 - inverse)
 
-    @property
+    @computed("")
     def mass_closure(self) -> Float[Array, ""]:
         """[-] mass that came and did not leave, over that which came."""
         t = self.totals
         return (t.suction - t.discharge - t.leakage) / nonzero(t.suction)
 
-    @property
+    @computed("")
     def energy_closure(self) -> Float[Array, ""]:
         """[-] energy that came and did not leave, over the indicated work."""
         t = self.totals
@@ -260,7 +256,7 @@ class Cycle(Result, eqx.Module):
         imbalance = t.suction_heat - t.discharge_heat - t.leakage_heat + t.heat - t.work
         return imbalance / nonzero(self.indicated_work)
 
-    @property
+    @computed("J")
     def work_losses(self) -> dict[str, Float[Array, ""]]:
         """[J] Where the indicated work goes, by name; the values add up to it.
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._core.declared import computed
 from .._core.errors import BadInput
 from .._core.extremes import max_of, maximum, min_of
 from .._core.fields import is_traced
@@ -173,7 +174,7 @@ class Pulsation(Result, eqx.Module):
         """Amplitudes [Pa] of the harmonics at every node, from the first."""
         return _spectra(self.series())
 
-    @property
+    @computed("Pa", key="pulsation")
     def pressures(self) -> dict[str, Float[Array, ""]]:
         """[Pa] Peak to peak, mean and first orders at every node, by NODE.peak_to_peak and so on."""
         values = {}
@@ -240,12 +241,12 @@ class Pulsation(Result, eqx.Module):
                 limits[name] = Limit(name, 0, value, line_limit_of_approach_1(mean))
         return limits
 
-    @property
+    @computed("", key="pulsation_margin")
     def margin(self) -> Float[Array, ""]:
         """[-] The least of all limits of API 618 over its value: below 1 one is exceeded."""
         return min_of(jnp.stack([limit.margin for limit in self.limits]))
 
-    @property
+    @computed("N", key="shaking")
     def shaking_forces(self) -> dict[str, Float[Array, ""]]:
         """[N] Amplitudes of the forces on runs of pipe and vessels, by RUN.order_1 and so on."""
         forces = {}
@@ -270,7 +271,7 @@ class Pulsation(Result, eqx.Module):
                 forces[self._name(side, name)] = area * (b - a)
         return forces
 
-    @property
+    @computed("Pa", key="pressure_drop")
     def mean_drops(self) -> dict[str, Float[Array, ""]]:
         """[Pa] Mean loss of pressure between each flange and its line."""
         drops = {}
@@ -283,7 +284,7 @@ class Pulsation(Result, eqx.Module):
                 drops[name] = series[name][0] * (1.0 if side else -1.0)
         return drops
 
-    @property
+    @computed("", key="pulsation_resolution")
     def resolution(self) -> Float[Array, ""]:
         """[-] Last harmonic at the flanges over the largest: what a sharper edge would still add."""
         shares = []
@@ -303,7 +304,7 @@ class Pulsation(Result, eqx.Module):
             sizes += [peak_to_peak(row) for row in waves.pressure]
         return max_of(jnp.stack(sizes))
 
-    @property
+    @computed("", key="pulsation_linear_error")
     def linear_error(self) -> Float[Array, ""]:
         """[-] Estimate of the error of the flow because waves are not small."""
         return _ERROR * self.largest**2
@@ -387,15 +388,17 @@ class Pulsation(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        for name, value in self.pressures.items():
-            yield Data(f"pulsation.{name}", "Pa", value)
-        yield Data("pulsation_margin", "", self.margin)
-        for name, value in self.shaking_forces.items():
-            yield Data(f"shaking.{name}", "N", value)
-        for name, value in self.mean_drops.items():
-            yield Data(f"pressure_drop.{name}", "Pa", value)
-        yield Data("pulsation_resolution", "", self.resolution)
-        yield Data("pulsation_linear_error", "", self.linear_error)
+        yield from self._members("pressures")
+        yield from self.data_of("margin")
+        yield from self._members("shaking_forces")
+        yield from self._members("mean_drops")
+        yield from self.data_of("resolution", "linear_error")
+
+    def _members(self, name: str) -> Iterator[Data]:
+        """Numbers that have names of their own behind that of a declared one."""
+        for data in self.data_of(name):
+            for place, value in data.values.items():
+                yield data._replace(name=f"{data.name}.{place}", values=value)
 
 
 def _waves_of(series: Float[Array, " h"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .._core.declared import computed, declarations
 from .._core.extremes import clip, max_of
 from .._core.fields import replaced
 from .._core.results import Data, Result
@@ -18,6 +19,13 @@ from ._cycle import Cycle, nonzero, whole_cycle
 from ._cylinder import Case
 from ._pulsation import Pulsation
 from ._solved_ends import ends_under
+
+
+def _of_cycle(name: str) -> Any:
+    """Declare a property with what `Cycle` declares of it."""
+    declaration = declarations(Cycle)[name]
+    assert declaration.unit is not None
+    return computed(declaration.unit, *declaration.dims)
 
 
 def _combined(combine, name: str, doc: str) -> Any:
@@ -34,7 +42,10 @@ def _combined(combine, name: str, doc: str) -> Any:
             each = jax.tree.map(lambda x: x[counts], each)
         return jax.tree.map(lambda x: combine(x, swept), each)
 
-    return property(read, doc=doc)
+    read.__doc__ = doc
+    if name in declarations(Cycle):
+        return _of_cycle(name)(read)
+    return property(read)
 
 
 def _sum(values, swept):
@@ -219,12 +230,12 @@ class SeveralCycles(Result, eqx.Module):
         """[1/s] revolutions."""
         return self.first.frequency
 
-    @property
+    @_of_cycle("isentropic_efficiency")
     def isentropic_efficiency(self) -> Float[Array, ""]:
         """[-] isentropic work of the mass delivered over the indicated work."""
         return self.work_losses["isentropic"] / nonzero(self.indicated_work)
 
-    @property
+    @_of_cycle("discharge_temperature")
     def discharge_temperature(self) -> Float[Array, ""]:
         """[K] of the gas delivered, mixed at the pressure of the line."""
         last_stage = self.of_stage(max(self.stages, default=1))
@@ -237,7 +248,7 @@ class SeveralCycles(Result, eqx.Module):
         )
         return mixed.discharge_temperature
 
-    @property
+    @_of_cycle("wall_temperature")
     def wall_temperature(self) -> Float[Array, ""] | None:
         """[K] of the warmest cylinder's wall; `None` without heat transfer."""
         if self.each.case.cylinder.heat is None:

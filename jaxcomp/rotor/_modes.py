@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._core.declared import computed
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
@@ -138,10 +139,10 @@ class Modes(Result, eqx.Module):
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
         yield Data("mode", "", jnp.arange(1, self.square.shape[-1] + 1), ("mode",))
-        yield Data("natural_frequency", "rad/s", self.frequency, ("mode",))
+        yield from self.data_of("frequency")
         yield from shapes(self.shape, "1/kg^0.5", "1/(kg^0.5 m)")
 
-    @property
+    @computed("rad/s", "mode", key="natural_frequency")
     def frequency(self) -> Float[Array, " m"]:
         """[rad/s] (m,) Natural frequencies; not a number where `square` is negative.
 

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .._core.declared import held, reading
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import is_any_traced, is_traced
@@ -52,11 +53,13 @@ class Response(Result, eqx.Module):
     """
 
     displacement: Array
-    frequency: Array
-    spin_speed: Array
-    correction: Array
-    amplification: Array
-    status: Array
+    frequency: Array = reading("rad/s", "order", "speed")
+    spin_speed: Array = reading("rad/s", "order", "speed")
+    correction: Array = reading(
+        "", "order", "speed", doc="relative error before the last refinement"
+    )
+    amplification: Array = reading("", "order", "speed")
+    status: Array = held()
     held: Array | None = None
     nodes: tuple[str, ...] = eqx.field(static=True, default=())
 
@@ -73,18 +76,17 @@ class Response(Result, eqx.Module):
         if spin.ndim == 2:  # of `respond`: the same speeds at every order
             order = np.round(frequency[:, :1] / np.where(spin[:, :1] == 0, np.inf, spin[:, :1]))
             yield Data("order", "", order[:, 0], ("order",))
-            yield Data("speed", "rad/s", spin[0], ("speed",))
+            for speed in self.data_of(speed="spin_speed", dims=("speed",)):
+                yield speed._replace(values=spin[0])
         else:
-            yield Data("spin_speed", "rad/s", spin, at)
-        yield Data("frequency", "rad/s", frequency, at)
+            yield from self.data_of("spin_speed", dims=at)
+        yield from self.data_of("frequency", dims=at)
         yield Data("node", "", np.array(self.nodes or range(nodes)), ("node",))
         for number, axis in enumerate(AXES[dof]):
             unit = "m" if axis.startswith("u") else "rad"
             yield Data(axis, unit, np.asarray(self.displacement)[..., number], (*at, "node"))
         yield Data("reliable", "", np.asarray(self.ok), at)
-        yield Data(
-            "correction", "", self.correction, at, "relative error before the last refinement"
-        )
+        yield from self.data_of("correction", dims=at)
 
     @property
     def ok(self) -> Bool[Array, "*batch"]:
