@@ -296,11 +296,19 @@ class Result(Declared):
                 yield look.words, f"{low} to {high} {look.units}".strip() + shape
 
 
-def columns_of(records: Sequence[Record], *dims: str) -> Iterator[Data]:
-    """Declared numbers and words of records as columns, with a row for each record."""
+def columns_of(records: Sequence[Record], *dims: str, names: Sequence[str] = ()) -> Iterator[Data]:
+    """Declared numbers and words of records as columns, with a row for each record.
+
+    Args:
+        records: of one class.
+        dims: names of the dimension of the rows, and of further ones of the numbers.
+        names: of the fields; all if there are none.
+    """
     if not records:
         return
-    for name, declaration in declarations(type(records[0])).items():
+    declared = declarations(type(records[0]))
+    for name in names or declared:
+        declaration = declared[name]
         values = [getattr(record, name) for record in records]
         if declaration.kind is not None or isinstance(declaration.unit, Note):
             continue

@@ -5,7 +5,6 @@ import os
 import platform
 from collections.abc import Iterator
 from importlib.metadata import version
-from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,8 +25,8 @@ from ..._core.results import Data, Result, columns_of
 
 # Errors at which methods are compared.
 _DECADES = tuple(10.0**-n for n in range(2, 13))
-# Of a row, first of them in `Measurement`, those that stand in the table.
-_COLUMNS = 5
+# Numbers of a row that stand in the table.
+_COLUMNS = ("method", "setting", "error", "seconds", "compile_seconds")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,7 +237,7 @@ class Report(Result):
         yield Data("quantity", "", self.quantity)
         yield from self.data_of(floor="least_error")
         # what follows may be a list, of other lengths for other methods
-        yield from islice(columns_of(self.rows, *self.table_dims), _COLUMNS)
+        yield from columns_of(self.rows, *self.table_dims, names=_COLUMNS)
 
     @property
     def reachable(self) -> list[float]:
