@@ -9,7 +9,6 @@ import pytest
 from helpers import machine
 
 from jaxcomp import Collocation, Shooting, SolveFailed, TimeIntegration, load, solve_orbit
-from jaxcomp._core.nested import plain
 from jaxcomp.crank._verify import march_options, verification
 from jaxcomp.motor import ConstantSpeed, SlipLine
 from jaxcomp.study import steady_state
@@ -191,7 +190,7 @@ def test_result_and_report_show_what_the_march_found(pair):
 
     coarse, _ = pair
     scene = load("mayekawa-wbhe")
-    found = plain(steady_state(scene, orbit=coarse))
+    found = steady_state(scene, orbit=coarse).entries()
     result = found | {"tolerance": 1e-13, "set": {}, "design": {}}
     shown = result["verification"]
     # errors of the orbit: its values less those of the march
