@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
 from jaxcomp._core import registry as registry
-from jaxcomp._core.declared import tree_of, without_units
 from jaxcomp._core.display import shown
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
@@ -56,10 +55,9 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
         pytest.approx(share, rel=1e-14)
     ]
     assert percent in invoke("run", "mayekawa-wbhe")
-    numbers = tree_of(steady_state(mayekawa, orbit=orbit))
-    result = numbers | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
-    tables = run_tables(mayekawa, without_units(result))
-    files = result_files("m", {}, result, mayekawa, tables)
+    found = steady_state(mayekawa, orbit=orbit).entries()
+    result = found | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
+    files = result_files("m", {}, result, mayekawa, run_tables(mayekawa, result))
     report = files["report.html"].decode()
     assert percent.replace(" ", "&nbsp;") in report  # a number and its unit stand on one line
     assert "Friction share" in report
