@@ -26,8 +26,7 @@ from ._fit import Prediction
 from ._measurement import AbstractMeasurement, Entries, Kind
 from ._reading_model import ReadingModel
 
-# Of the columns with readings.
-_READING = ("reading",)
+# What columns of readings are in.
 _OF_QUANTITY = "in the SI unit of its quantity"
 
 
@@ -149,15 +148,15 @@ class Identification(Result, eqx.Module):
     constants: int = held(static=True)
     quantity: tuple[str, ...] = held(static=True)
     kinds: dict[str, Kind] = held(static=True)
-    point: Int[Array, " m"] = reading("", *_READING, table_only=True)
+    point: Int[Array, " m"] = reading("", "reading", table_only=True)
     names: tuple[str, ...] = held(static=True)
     conditions: dict[str, Float[Array, " m"]] = held()
     condition_units: dict[str, str] = held(static=True)
-    measured: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
-    computed: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
-    sd: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
-    half_width: Float[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
-    used: Bool[Array, " m"] = reading("", *_READING, doc=_OF_QUANTITY, table_only=True)
+    measured: Float[Array, " m"] = reading("", "reading", doc=_OF_QUANTITY, table_only=True)
+    computed: Float[Array, " m"] = reading("", "reading", doc=_OF_QUANTITY, table_only=True)
+    sd: Float[Array, " m"] = reading("", "reading", doc=_OF_QUANTITY, table_only=True)
+    half_width: Float[Array, " m"] = reading("", "reading", doc=_OF_QUANTITY, table_only=True)
+    used: Bool[Array, " m"] = reading("", "reading", doc=_OF_QUANTITY, table_only=True)
     chi_square: Float[Array, ""] = reading("")
     p_value: Float[Array, ""] = reading("")
     freedom: Int[Array, ""] = reading("")
@@ -169,7 +168,7 @@ class Identification(Result, eqx.Module):
     study: Any = held(static=True, default=None)
     bounds: Float[Array, "p 2"] | None = held(default=None)
 
-    table_dims: ClassVar[tuple[str, ...]] = _READING
+    table_dims: ClassVar[tuple[str, ...]] = ("reading",)
     not_saved: ClassVar[tuple[str, ...]] = ("fit", "machine", "study", "kinds", "condition_units")
 
     def described(self) -> Iterator[Data]:
