@@ -35,7 +35,7 @@ from jaxcomp._core.declared import (
     with_units,
     word,
 )
-from jaxcomp._core.results import Result, columns_of
+from jaxcomp._core.results import Data, Result, columns_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,13 +192,13 @@ def test_no_table_states_a_unit_that_its_class_declares():
     assert {kind.__name__: again for kind in kinds if (again := stated_again(kind))} == {}
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Twice(Result):
-    power = computed("W")(lambda self: 1.0)
+    power: float = reading("W")
 
     def described(self):
-        yield Data("power", "W", self.power)  # noqa: F821
+        yield Data("power", "W", self.power)
 
 
 def test_a_unit_that_is_stated_twice_is_seen():
-    Twice = dataclasses.dataclass(globals()["Twice"])
     assert stated_again(Twice) == ["power"]
