@@ -115,8 +115,11 @@ def test_a_quantity_keeps_its_own_unit_where_a_key_elsewhere_means_something_els
         {"fit_error": {"power": 0.1}, "values": {"power": [[1.0]], "cop": []}}, table_of("map")
     )
     assert errors == {"fit_error": {"power": 0.1}, "values": {"power [W]": [[1.0]], "cop": []}}
-    given = {"vibration_unit": "m/s", "correction_unit": "kg", "rows": [{"before": 1.0}]}
-    assert with_units(given, table_of("balance"))["rows"] == [{"before [m/s]": 1.0}]
+    # of a balance any unit of the vibration, or none, and of its phase the one alone
+    for key in ("before [m/s]", "before [m]", "before", "before_phase [rad]"):
+        assert wrong_places({"rows": [{key: 1.0}]}, "balance") == [], key
+    for key in ("before_phase", "speed", "speed [m/s]"):
+        assert wrong_places({"rows": [{key: 1.0}]}, "balance") == [["rows"]], key
 
 
 def units_in(table):
