@@ -1,4 +1,4 @@
-"""Declarations of results: JSON, schema and tables from one statement of unit, and nothing stated twice."""
+"""Declarations of results: JSON, schema and tables say the same, and nothing is stated twice."""
 
 import ast
 import dataclasses
