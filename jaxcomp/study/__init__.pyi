@@ -13,7 +13,6 @@ from ._compared import RodDrive as RodDrive
 from ._compared import compare as compare
 from ._compared import compare_drives as compare_drives
 from ._compared import design_study as design_study
-from ._load_steps import LoadSteps as LoadSteps
 from ._load_steps import load_steps as load_steps
 from ._optimise import optimise as optimise
 from ._optimum import Optimum as Optimum
@@ -30,6 +29,7 @@ from ._rules import with_stroke_bore_ratio as with_stroke_bore_ratio
 from ._rules import with_swept_volume as with_swept_volume
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
+from ._steady_state import LoadSteps as LoadSteps
 from ._steady_state import SteadyState as SteadyState
 from ._steady_state import steady_state as steady_state
 from ._variables import variable as variable

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import jax
+import numpy as np
 
 from .._core.declared import (
     NAMED,
@@ -14,6 +15,7 @@ from .._core.declared import (
     computed,
     computed_part,
     computed_word,
+    declarations,
     held,
     part,
     reading,
@@ -46,12 +48,13 @@ from ..cylinder._several import of_each
 from ..fluid import AbstractRealGas
 from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
+from ..vibration import BlockVibration, block_vibration
 from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, rod_forces
+from ._load_step_data import LoadStepData, load_step_data
 
 # What only some machines need is imported where they do: a start would take longer by a third.
 if TYPE_CHECKING:
     from ..crank import Shooting, TimeIntegration
-    from ..vibration import BlockVibration
 
 # Families of quantities whose numbers stand under another name in JSON.
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
@@ -129,6 +132,45 @@ class VerificationErrors(Record):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class LoadSteps(Result):
+    """Periodic states of a machine at full load and at each of its load steps.
+
+    Attributes:
+        names: of the steps, full load first.
+        states: of each.
+    """
+
+    names: tuple[str, ...]
+    states: "tuple[SteadyState, ...]"
+
+    table_dims: ClassVar[tuple[str, ...]] = ("load_step",)
+
+    def described(self) -> Iterator[Data]:
+        """The quantities of every step in SI units."""
+        yield Data("load_step", "", np.array(self.names), self.table_dims)
+        rows = self.rows()
+        for name, declaration in declarations(LoadStepData).items():
+            values = [getattr(row, name) for row in rows]
+            # neither the name nor pressures, of which a step may have several, make a column
+            if isinstance(values[0], float):
+                yield Data(name, str(declaration.unit), np.array(values), self.table_dims)
+
+    @computed_part(LoadStepData)
+    def steps(self) -> list[LoadStepData]:
+        """Numbers of every step."""
+        return self.rows()
+
+    def rows(self) -> list[LoadStepData]:
+        """One record for every step."""
+        full = float(self.states[0].quantities["mass_flow"])
+        rows = []
+        for name, state in zip(self.names, self.states, strict=True):
+            row = load_step_data(name, state.quantities, state.api_618, full)
+            rows.append(row)
+        return rows
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class SteadyState(Result):
     """The periodic state of a machine, with all that follows from it.
 
@@ -158,11 +200,10 @@ class SteadyState(Result):
     rod_load_reversal: dict[str, RodReversal]
     remarks: tuple[str, ...] = word()
     moved_films: dict[str, JournalFilm] | None = held(default=None)
-    # Of classes that are imported where a machine needs them; the schema of `jaxcomp run` names them.
-    vibration: "BlockVibration | None" = part(None, optional=True, default=None)
+    vibration: BlockVibration | None = part(BlockVibration, optional=True, default=None)
     torsion: TrainTorques | None = part(TrainTorques, optional=True, default=None)
     api_618: ProcessSheet | None = part(ProcessSheet, optional=True, default=None)
-    load_steps: Result | None = part(None, optional=True, default=None)
+    load_steps: LoadSteps | None = part(LoadSteps, optional=True, default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("crank_angle",)
 
@@ -386,11 +427,9 @@ def _film_laws(compressor: Compressor, orbit: Orbit) -> dict[str, str]:
     return laws
 
 
-def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration | None":
+def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> BlockVibration | None:
     if suspension is None:
         return None
-    from ..vibration import block_vibration
-
     return block_vibration(compressor, orbit, suspension)
 
 
