@@ -14,7 +14,6 @@ def answers() -> dict[str, tuple[type[Declared], ...]]:
     from ..study.tolerance._answer import PermittedTolerances
     from . import (
         _check_content,
-        _files,
         _fluids,
         _identify,
         _optimise,
@@ -31,12 +30,12 @@ def answers() -> dict[str, tuple[type[Declared], ...]]:
         "animate": (_pictures.Animation,),
         "balance": (jc.balancing.Balance,),
         "bearing": (jc.film.SteadyBearing, jc.film.StribeckCurve, jc.crank.LoadedJournal),
-        "cache": (_files.StoredPrograms,),
+        "cache": (_listed.StoredPrograms,),
         "check": (_check_content.FileContent, _check_content.FileErrors),
         "compare": (study.Comparison,),
         "explain": (),
         "identify": (study.Identification, _identify.PredictedReadings),
-        "list": (_files.ListedValues, ListedVariables, _fluids.ListedFluids),
+        "list": (_listed.ListedValues, ListedVariables, _fluids.ListedFluids),
         "map": (study.rating.RatingMap,),
         "modes": (jc.rotor.RotorModes,),
         "optimise": (study.Optimum, study.ParetoFront, _optimise.SearchNumbers),

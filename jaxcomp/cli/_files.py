@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,13 +14,13 @@ from rich.text import Text
 
 import jaxcomp as jc
 
-from .._core.declared import BESIDE, Note, Record, part, reading, word
 from .._core.display import shown, units_of
 from .._core.files import write_whole
 from .._core.registry import Quantity, registered
 from .._core.words import did_you_mean
 from . import _options as opt
 from ._fluids import list_fluid, list_fluids
+from ._listed import ListedValue, ListedValues, StoredPrograms
 from ._output import show_results
 from ._start import CommandError, refuse, start_jax
 from ._tables import bold, row_table
@@ -85,16 +84,6 @@ def new(
 
 
 # ------------------------------------------------------------------ cache
-@dataclass(frozen=True)
-class StoredPrograms(Record):
-    """The store of compiled programs: its folder or why there is none, their number and size."""
-
-    folder: str | None = word()
-    why: str = word()
-    programs: int = reading("")
-    size: int = reading(Note("in bytes"))
-
-
 def cache(empty: bool = False, as_json: opt.AsJson = False) -> None:
     """Show where compiled programs are kept for the next start, and how large they are.
 
@@ -217,26 +206,6 @@ def _quantities(scene: jc.scene.Scene | None = None) -> tuple[dict[str, Any], Ta
         }
     heads = ("Quantity", "Unit", "Better", "Needs", "Meaning")
     return {"quantities": entries}, _word_table(title, heads, rows)
-
-
-@dataclass(frozen=True)
-class ListedValue(Record):
-    """A value of a machine file, as it is given and in its SI unit, with its source."""
-
-    written: Any = reading(BESIDE, key="given")
-    value: Any = reading(BESIDE)
-    unit: str = word()
-    source: str = word()
-    doc: str = word()
-
-
-@dataclass(frozen=True)
-class ListedValues(Record):
-    """The values of a machine file by their paths."""
-
-    name: str = word()
-    description: str = word()
-    values: dict[str, ListedValue] = part(ListedValue, by_name=True)
 
 
 def _variables(scene: jc.scene.Scene) -> tuple[ListedVariables, Table]:
