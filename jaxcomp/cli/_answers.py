@@ -16,6 +16,7 @@ def answers() -> dict[str, tuple[type[Declared], ...]]:
         _check_content,
         _fluids,
         _identify,
+        _listed,
         _optimise,
         _pictures,
         _pulsation,

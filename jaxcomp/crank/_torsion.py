@@ -238,6 +238,7 @@ def train_torques(
     chain = train.chain(compressor)
     reached = _count_of_harmonics(chain, orbit.mean_speed)
     count = reached if count is None else count
+    # with all that reach as well: what they change is the error of fewer
     counts = count, max(count, reached)
     return _spring_torques(chain, compressor, orbit, counts, _cuts(orbit, counts[1]))
 

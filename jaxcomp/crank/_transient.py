@@ -132,6 +132,7 @@ class Transient(Result, eqx.Module):
     @computed_part(CrankCourse)
     def course(self) -> CrankCourse:
         """Motion, works and kinetic energy at the listed instants."""
+        # the works are those of the whole course; the properties below have their ends
         return CrankCourse(
             time=self.time,
             angle=self.state.angle,
@@ -220,6 +221,7 @@ class Transient(Result, eqx.Module):
         """[-] work that is neither in the motion, the gas nor the losses, over the work done."""
         gained = self.kinetic_energy - self.kinetic_energy[0]
         work = self.energy.motor_work - self.energy.gas_work - self.energy.total_loss
+        # a machine that coasts has no work of the motor, one that starts no energy to begin with
         size = max_of(jnp.abs(self.energy.motor_work)) + max_of(self.kinetic_energy)
         return (work - gained) / size
 
@@ -292,6 +294,7 @@ def simulate(
     if isinstance(duration, (int, float)) and not duration > 0:
         raise BadInput("duration", duration, "> 0")
     off = jnp.inf if power_off is None else power_off
+    # arrays, so that another duration or speed is no program of its own
     start = tuple(
         jnp.asarray(x, dtype=jnp.result_type(float)) for x in (duration, angle, speed, off)
     )
@@ -299,6 +302,7 @@ def simulate(
         steady = solve_orbit(compressor, throw=throw).cycle
         assert steady is not None
         compressor = at_rise(compressor, steady.case.suction.T - steady.case.comes.T)
+    # events of valves need a march of their own
     solve = _simulate_gas if valves else _simulate
     result = solve(compressor, options, until_rest, *start)
     concrete = not is_traced(result.status._value)
@@ -316,6 +320,7 @@ def _simulate(
 ):
     good = admissible(machine)
     compressor = clipped(machine)
+    # every state is of the size of one, so that one tolerance serves them all
     speed_scale = compressor.motor.speed_guess
     energy_scale = instants(compressor, angle).inertia * speed_scale**2
 

@@ -8,10 +8,12 @@ from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, problem, register_quantity, solve_orbit, sweep
 from jaxcomp._core import registry as registry
+from jaxcomp._core.declared import tree_of, without_units
 from jaxcomp._core.display import shown
 from jaxcomp.cli import app
 from jaxcomp.cli._options import complete_quantity
 from jaxcomp.cli._output import result_files
+from jaxcomp.cli._run import RunSettings
 from jaxcomp.cli._run_tables import run_tables
 from jaxcomp.scene import SceneError, with_values
 from jaxcomp.study import available_quantities, steady_state, variable
@@ -55,9 +57,10 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
         pytest.approx(share, rel=1e-14)
     ]
     assert percent in invoke("run", "mayekawa-wbhe")
-    found = steady_state(mayekawa, orbit=orbit).entries()
-    result = found | {"machine": "m", "tolerance": 1e-8, "set": {}, "design": {}}
-    files = result_files("m", {}, result, mayekawa, run_tables(mayekawa, result))
+    words = {"machine": "m", "set": {}, "design": {}}
+    tree = tree_of(words) | tree_of(RunSettings(1e-8)) | tree_of(steady_state(mayekawa, orbit=orbit))
+    tables = run_tables(mayekawa, without_units(tree))
+    files = result_files("m", {}, tree, mayekawa, tables)
     report = files["report.html"].decode()
     assert percent.replace(" ", "&nbsp;") in report  # a number and its unit stand on one line
     assert "Friction share" in report
