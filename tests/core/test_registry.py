@@ -58,7 +58,9 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
     ]
     assert percent in invoke("run", "mayekawa-wbhe")
     words = {"machine": "m", "set": {}, "design": {}}
-    tree = tree_of(words) | tree_of(RunSettings(1e-8)) | tree_of(steady_state(mayekawa, orbit=orbit))
+    tree = (
+        tree_of(words) | tree_of(RunSettings(1e-8)) | tree_of(steady_state(mayekawa, orbit=orbit))
+    )
     tables = run_tables(mayekawa, without_units(tree))
     files = result_files("m", {}, tree, mayekawa, tables)
     report = files["report.html"].decode()
