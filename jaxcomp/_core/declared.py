@@ -53,7 +53,8 @@ class Declaration(NamedTuple):
             `None` for words, truth values and records.
         dims: names of the dimensions of a number.
         doc: what it is, where the name does not tell.
-        kind: class of a record, or of several, under the name.
+        kind: class of a record, or of several, under the name; or a function that imports it, where it is
+            rarely needed.
         by_name: whether it is a table of numbers or records by name.
         optional: whether the entry is left out where its value is `None`.
         inline: whether the entries of a record stand among those of the result.
@@ -214,6 +215,13 @@ def declarations(kind: type) -> Mapping[str, Declaration]:
     return declared
 
 
+def kind_of(declaration: Declaration) -> type["Declared"]:
+    """Class of the records of a declaration."""
+    if isinstance(declaration.kind, type):
+        return declaration.kind
+    return declaration.kind()
+
+
 def records_of(kind: type[_Record], **columns: Any) -> tuple[_Record, ...]:
     """Records of a class from columns of equal length by the names of its fields."""
     lists = []
@@ -349,7 +357,7 @@ def _schema_of_kind(kind: type[Declared]) -> _Schema:
         schema.properties[with_unit(name, unit)] = _NUMBERS
     for name, declaration in declarations(kind).items():
         if declaration.inline and declaration.kind is not None:
-            schema.add(_schema_of_kind(declaration.kind))
+            schema.add(_schema_of_kind(kind_of(declaration)))
         elif not (declaration.inline or declaration.table_only):
             schema.add(_schema_of_entry(declaration.key or name, declaration))
     return schema
@@ -358,7 +366,7 @@ def _schema_of_kind(kind: type[Declared]) -> _Schema:
 def _schema_of_entry(key: str, declaration: Declaration) -> _Schema:
     unit = declaration.unit
     if declaration.kind is not None:
-        schema = _listed(schema_of(declaration.kind))
+        schema = _listed(schema_of(kind_of(declaration)))
         if declaration.by_name:
             schema = {"type": "object", "additionalProperties": {"anyOf": [schema, _WORDS]}}
         return _Schema({key: {"anyOf": [schema, _WORDS]}}, {})

@@ -27,7 +27,7 @@ from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.registry import Quantity, offered_values, registered
-from .._core.results import Data, Result
+from .._core.results import Data, Result, columns_of
 from .._core.status import Status
 from ..compressor import Compressor, crank_end_pressure
 from ..crank import (
@@ -48,13 +48,13 @@ from ..cylinder._several import of_each
 from ..fluid import AbstractRealGas
 from ..gas import PolytropicCycle
 from ..machine import Assembly, HasMachine, Machine, assembled, machine_of
-from ..vibration import BlockVibration, block_vibration
 from ._api_618 import ProcessSheet, RodForces, has_rod_forces, process_sheet, rod_forces
 from ._load_step_data import LoadStepData, load_step_data
 
 # What only some machines need is imported where they do: a start would take longer by a third.
 if TYPE_CHECKING:
     from ..crank import Shooting, TimeIntegration
+    from ..vibration import BlockVibration
 
 # Families of quantities whose numbers stand under another name in JSON.
 _KEYS = {"peak_force": "peak_forces", "mean_force": "mean_forces"}
@@ -79,6 +79,13 @@ _UNITS = {
     "resolution": "",
     "cycle_resolution": "",
 }
+
+
+def _block_vibration() -> "type[BlockVibration]":
+    # a machine without a suspension starts without this package
+    from ..vibration import BlockVibration
+
+    return BlockVibration
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,12 +155,9 @@ class LoadSteps(Result):
     def described(self) -> Iterator[Data]:
         """The quantities of every step in SI units."""
         yield Data("load_step", "", np.array(self.names), self.table_dims)
-        rows = self.rows()
-        for name, declaration in declarations(LoadStepData).items():
-            values = [getattr(row, name) for row in rows]
-            # neither the name nor pressures, of which a step may have several, make a column
-            if isinstance(values[0], float):
-                yield Data(name, str(declaration.unit), np.array(values), self.table_dims)
+        # neither the name nor pressures, of which a step may have several, make a column
+        names = [*declarations(LoadStepData)][1:-1]
+        yield from columns_of(self.rows(), *self.table_dims, names=names)
 
     @computed_part(LoadStepData)
     def steps(self) -> list[LoadStepData]:
@@ -200,7 +204,7 @@ class SteadyState(Result):
     rod_load_reversal: dict[str, RodReversal]
     remarks: tuple[str, ...] = word()
     moved_films: dict[str, JournalFilm] | None = held(default=None)
-    vibration: BlockVibration | None = part(BlockVibration, optional=True, default=None)
+    vibration: "BlockVibration | None" = part(_block_vibration, optional=True, default=None)
     torsion: TrainTorques | None = part(TrainTorques, optional=True, default=None)
     api_618: ProcessSheet | None = part(ProcessSheet, optional=True, default=None)
     load_steps: LoadSteps | None = part(LoadSteps, optional=True, default=None)
@@ -427,9 +431,11 @@ def _film_laws(compressor: Compressor, orbit: Orbit) -> dict[str, str]:
     return laws
 
 
-def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> BlockVibration | None:
+def _vibration(compressor: Compressor, orbit: Orbit, suspension: Any) -> "BlockVibration | None":
     if suspension is None:
         return None
+    from ..vibration import block_vibration
+
     return block_vibration(compressor, orbit, suspension)
 
 

@@ -9,7 +9,7 @@ from helpers import results_validator
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from jaxcomp._core.declared import Note, declarations
+from jaxcomp._core.declared import Note, declarations, kind_of
 from jaxcomp.cli import app
 from jaxcomp.cli._answers import answers, results_schema
 
@@ -108,7 +108,7 @@ def units_in(kind):
     yield from kind.units_by_name().values()
     for declaration in declarations(kind).values():
         if declaration.kind is not None:
-            yield from units_in(declaration.kind)
+            yield from units_in(kind_of(declaration))
         elif declaration.unit and not isinstance(declaration.unit, Note):
             yield declaration.unit
 
