@@ -107,7 +107,7 @@ class Result(Declared):
     def columns(self) -> dict[str, np.ndarray]:
         """The curves or rows of this result by name and SI unit, each with shape (rows,).
 
-        Complex amplitudes have two columns, amplitude and phase [rad].
+        A result that has neither is one row of its numbers. Complex amplitudes have two columns, amplitude and phase [rad].
 
         Raises:
             BadInput: results of many designs at once, as `vmap` returns them.
@@ -116,8 +116,9 @@ class Result(Declared):
         shape: dict[str, int] = {}
         parts = []
         for data in self._checked():
-            # what has no dimension, or one that the table has not, stands in no column
-            if data.dims and set(data.dims) <= set(self.table_dims):
+            # beside curves stands no single number, and no curve over another dimension
+            is_single = not data.dims and bool(self.table_dims)
+            if not is_single and set(data.dims) <= set(self.table_dims):
                 parts.append(data)
         for data in parts:
             if np.ndim(data.values) != len(data.dims):

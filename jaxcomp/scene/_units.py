@@ -41,6 +41,13 @@ SAE_GRADES = {"20": 68.0, "30": 100.0, "40": 150.0, "50": 220.0, "60": 320.0}
 # Size and zero [K] of the degrees in which temperatures are given; differences have no zero.
 _LEVELS = dict.fromkeys(("degc", "°c", "c", "celsius"), (1.0, ZERO_CELSIUS))
 _LEVELS |= dict.fromkeys(("degf", "°f", "f", "fahrenheit"), (5 / 9, 459.67 * 5 / 9))
+# What catalogues write for units that the registry has under another name.
+_SPELLINGS = {
+    "RPM": "rpm", "lbm": "lb", "psia": "psi", "bara": "bar", "kPaa": "kPa", "TR": "refrigeration_ton"
+}  # fmt: skip
+# Units of pressures over that of the surroundings, by the unit of absolute ones.
+_GAUGES = {"barg": "bar", "psig": "psi", "kPag": "kPa", "MPag": "MPa"}
+_ATMOSPHERE = 101325.0  # [Pa]
 _DEGREES = (*_LEVELS, "k", "kelvin")
 _NOT_FINITE = re.compile(r"\s*[+-]?(nan|inf|infinity)\b.*", re.IGNORECASE)
 _EXAMPLES = {
@@ -216,6 +223,13 @@ def _advice(given_unit: str, unit: str, written: Any) -> str:
     number = float(match[1])
     if unit == "rad/s" and given_unit in ("Hz", "hertz"):
         return f'is a frequency, where a speed of rotation is needed; write "{60 * number:g} rpm"'
+    if unit == "Pa" and given_unit in _GAUGES:
+        absolute = _GAUGES[given_unit]
+        pressure = number + _ATMOSPHERE / factor(absolute, "Pa")
+        return (
+            "is a pressure over that of the surroundings, where an absolute one is needed; at sea level "
+            f'that is "{pressure:.6g} {absolute}"'
+        )
     if given_unit.lower() not in _DEGREES:
         return ""
     if unit == "Pa":
@@ -316,6 +330,7 @@ def _parsed(unit: str) -> pint.Unit | None:
     text = re.sub("[⁻⁰¹²³⁴-⁹]+", lambda power: f"^{power[0].translate(_LOWERED)}", unit)
     text = re.sub(r"([A-Za-z])(\d)", r"\1^\2", text.replace("**", "^"))
     text = re.sub(r"\b(r|rev)/min\b", "rpm", text)
+    text = re.sub(r"[A-Za-z]+", lambda name: _SPELLINGS.get(name[0], name[0]), text)
     if not _is_of_pieces(text) or _POWER_OF_POWER.search(text):
         return None
     if text and (_NOT_FINITE.fullmatch(text) or not re.search(r"[^\W\d]|%", text)):

@@ -157,6 +157,17 @@ def test_tables_have_unit_dimensions_and_sentence_of_the_declaration(sample):
     assert rows["name"].values.tolist() == ["A", "B"]
 
 
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Numbers(Result):
+    power: float = reading("W")
+    force: np.ndarray = reading("N", "angle")
+
+
+def test_a_result_without_curves_is_one_row_of_its_numbers():
+    table = Numbers(5.0, np.array([1.0, 2.0])).to_pandas()
+    assert table.to_dict("list") == {"power [W]": [5.0]}
+
+
 def results_of_package():
     for module in pkgutil.walk_packages(jaxcomp.__path__, "jaxcomp."):
         if "desk" not in module.name and "__main__" not in module.name:

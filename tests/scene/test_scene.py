@@ -97,6 +97,10 @@ def test_the_two_readings_differ_in_rod_and_fitted_values_only():
         ("2 N m/(rad/s)", "N m s", 2.0),
         ("4 mPa s", "Pa s", 4e-3),
         ("1200 g cm^2", "kg m^2", 1.2e-4),
+        # as catalogues write them
+        ("1000 RPM", "rad/s", 1000 * math.pi / 30),
+        ("2 bara", "Pa", 2e5),
+        ("1 lbm/h", "kg/s", 0.45359237 / 3600),
     ],
 )
 def test_text_with_unit_becomes_si(text, unit, value):

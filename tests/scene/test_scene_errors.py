@@ -169,6 +169,11 @@ BAD = {
         replaced("[crankshaft]", 'bore = "60 mm"\n[crankshaft]'),
         "mechanism.bore: is given twice, in lines 5 and 10; keep one of them",
     ),
+    "pressure over that of the surroundings": (
+        replaced('"1 bar"', '"1 barg"'),
+        'gas.suction_pressure = "1 barg": is a pressure over that of the surroundings, where an '
+        'absolute one is needed; at sea level that is "2.01325 bar"',
+    ),
     "temperature as pressure": (
         replaced('"1 bar"', '"-23.3 degC"'),
         'gas.suction_pressure = "-23.3 degC": is a temperature, where a pressure is needed; write',
