@@ -107,7 +107,8 @@ class Result(Declared):
     def columns(self) -> dict[str, np.ndarray]:
         """The curves or rows of this result by name and SI unit, each with shape (rows,).
 
-        A result that has neither is one row of its numbers. Complex amplitudes have two columns, amplitude and phase [rad].
+        A result that has neither is one row of its numbers. Complex amplitudes have two columns,
+        amplitude and phase [rad].
 
         Raises:
             BadInput: results of many designs at once, as `vmap` returns them.
