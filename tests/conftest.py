@@ -78,11 +78,10 @@ def _results_fit_their_schema():
 
     def checked(result, *given, **options):
         text = made(result, *given, **options)
-        if command_name() in commands:
+        if command_name() in answers():
             results_validator(command_name()).validate(json.loads(text))
         return text
 
-    commands = answers()
     made = _output.json_text
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_output, "json_text", checked)

@@ -12,7 +12,7 @@ RPM = 30 / math.pi
 ZERO_CELSIUS = 273.15  # [K]
 # Endings of pure numbers that people give in per cent, beside the quantities of the registry.
 _SHARES = ("efficiency", "fluctuation", "clearance_ratio")
-# Sizes from which on a unit is used, the largest first.
+# (size from which on it is used, factor from SI, name) of units, the largest first.
 _UNITS = {
     "m": ((10.0, 1.0, "m"), (2e-3, 1e3, "mm"), (0.0, 1e6, "µm")),
     "m^3": ((0.1, 1.0, "m³"), (0.0, 1e6, "cm³")),
@@ -29,6 +29,9 @@ _UNITS = {
     "kg": ((0.1, 1.0, "kg"), (0.0, 1e3, "g")),
     "kg m": ((0.1, 1.0, "kg m"), (0.0, 1e6, "g mm")),
 }
+# Size of one SI unit in each of these units, by its name; of pure numbers and of flows of oil as well.
+SHOWN_FACTORS = {name: factor for units in _UNITS.values() for _, factor, name in units}
+SHOWN_FACTORS |= {"%": 100.0, "cm3/min": 6e7}
 # The same in units of the United States.
 _CUSTOMARY = {
     "m": ((0.0, 1 / 0.0254, "in"),),

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._core.display import RPM, Shown, behind, shown
+from .._core.display import Shown, behind, shown
 
 if TYPE_CHECKING:
     from ..study import Comparison
@@ -103,13 +103,6 @@ def row_table(
     return table
 
 
-# What a number in SI units is multiplied by to stand in a unit; by one elsewhere.
-_FACTORS = {
-    **{"mPa s": 1e3, "rpm": RPM, "°": 180 / math.pi, "µm": 1e6, "MPa": 1e-6, "cm3/min": 6e7},
-    **{"g": 1e3, "%": 100},
-}
-
-
 def value_rows(
     result: Mapping[str, Any], rows: Iterable[Sequence[str]], digits: int = 5
 ) -> Iterator[Sequence[str]]:
@@ -127,7 +120,7 @@ def value_rows(
         words, key, unit, *note = row
         value = result.get(key)
         if value is not None:
-            text = f"{value * _FACTORS.get(unit, 1.0):.{digits}g} {unit}".strip()
+            text = f"{value * SHOWN_FACTORS.get(unit, 1.0):.{digits}g} {unit}".strip()
             yield words, text, *note
 
 
