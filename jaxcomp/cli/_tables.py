@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 from rich.text import Text
 
-from .._core.display import Shown, behind, shown
+from .._core.display import SHOWN_FACTORS, Shown, behind, shown
 
 if TYPE_CHECKING:
     from ..study import Comparison
