@@ -95,7 +95,7 @@ def respond(
     >>> from jaxcomp import load
     >>> motion = respond(load("hermetic-68cc"), spin_speeds=[314.16], orders=(1,)).checked()
     >>> motion.displacement.shape
-    (1, 1, 63, 4)
+    (1, 1, 43, 4)
     """
     if isinstance(machine, RotorModel | System):
         if loads is None or spin_speeds is None:
