@@ -14,8 +14,7 @@ from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.metadata import version
 from pathlib import Path
-from types import UnionType
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -81,6 +80,7 @@ class Result(Declared):
 
     def tree(self) -> dict[str, Any]:
         """Numbers and words for JSON, as of `tree_of`."""
+        # what a solver returns has names that depend on the machine, and no records
         if self.flat:
             return tree_of(self.to_dict())
         return super().tree()
@@ -333,19 +333,9 @@ class Plots:
 
     def _functions(self) -> dict[str, tuple[Any, str]]:
         """Functions by name, each with the parameter that takes the result."""
-        plot = importlib.import_module(f"{_PACKAGE}.plot")  # which knows the results, not they it
-        functions = {}
-        kind = type(self._result)
-        for name, function in plot.drawings().items():
-            for parameter in inspect.signature(function).parameters.values():
-                # a function that draws several kinds of results has a union of them; one that draws
-                # several results at once, as in a mapping, is no picture of this one
-                kinds = (parameter.annotation,)
-                if isinstance(parameter.annotation, UnionType):
-                    kinds = get_args(parameter.annotation)
-                if kind in kinds:
-                    functions[name] = function, parameter.name
-        return functions
+        # pictures know the results, not results the pictures: these have registered themselves there
+        drawing = importlib.import_module(f"{_PACKAGE}.plot._drawing")
+        return drawing.drawings_of(type(self._result))
 
     def __getattr__(self, name: str) -> Any:
         functions = self._functions()

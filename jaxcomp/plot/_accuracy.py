@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 
 from ..study.accuracy import Extremes, Report
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 _TINTS = ("#0072B2", "#D55E00", "#009E73", "#E69F00", "#56437F", "#56B4E9", "#CC79A7", "#444444",
           "#999933", "#AA4499")  # fmt: skip
 _MARKS = "osD^vP<>X*"
 
 
-@drawing
+@draws(report=Report)
 def accuracy_figures(report: Report, error: float | None = None) -> dict[str, Figure]:
     """All pictures of a study, by name.
 
@@ -25,7 +25,7 @@ def accuracy_figures(report: Report, error: float | None = None) -> dict[str, Fi
     return {f"accuracy-{report.study}": work_precision_diagram(report, error)}
 
 
-@drawing
+@draws(report=Report)
 def work_precision_diagram(report: Report, error: float | None = None) -> Figure:
     """Relative error over run time in logarithms.
 
@@ -71,7 +71,7 @@ def work_precision_diagram(report: Report, error: float | None = None) -> Figure
     return figure
 
 
-@drawing
+@draws(extremes=Extremes)
 def extreme_errors(extremes: Extremes) -> Figure:
     """Error of every extreme case in logarithms; cases without a value are crossed out.
 

@@ -25,7 +25,7 @@ from ..crankshaft import Crankshaft, MainBearings
 from ..mechanism import SliderCrank
 from . import _style as style
 from ._bearings import in_clearance
-from ._drawing import drawing
+from ._drawing import draws
 from ._fine import FineTurn, fine_turn
 from ._mechanism import Sketch, forces_over, line_look, sketch, slider_crank_lines
 
@@ -254,7 +254,7 @@ def cylinders_motion(compressor: Compressor, orbit: Orbit, frames: int = 48) -> 
     return Motion(figure, show, frames)
 
 
-@drawing
+@draws(orbit=Orbit)
 def machine_views(compressor: Compressor, orbit: Orbit) -> Figure:
     """Front and side of the machine at the first top dead centre.
 

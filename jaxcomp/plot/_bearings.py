@@ -19,7 +19,7 @@ from ..film import AbstractSolvedFilm, SteadyBearing, StribeckCurve
 from ..film._film import coefficients_per_load, film_ratio
 from ..mechanism import SliderLink
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 from ._fine import fine_turn
 
 # Every 45 degrees; the others have the grid alone.
@@ -28,7 +28,7 @@ _OF_MACHINE = ("x", "", "y", "", "-x", "", "-y", "")
 _ENTRIES = {"xx": "#0072B2", "xy": "#D55E00", "yx": "#009E73", "yy": "#56437F"}
 
 
-@drawing
+@draws(orbit=Orbit)
 def bearing_loads(compressor: Compressor, orbit: Orbit) -> Figure:
     """Force of the shaft on every bush, by size and direction.
 
@@ -85,7 +85,7 @@ def _loads(compressor, forces):
 # ---------------------------------------------------------------- journals over a revolution
 
 
-@drawing
+@draws(orbit=Orbit)
 def journal_paths(compressor: Compressor, orbit: Orbit) -> Figure:
     """Path of every journal in its clearance circle, with the load on it as arrows.
 
@@ -135,7 +135,7 @@ def in_clearance(ax: Axes, film: JournalFilm, **look: Any) -> tuple[np.ndarray, 
     return path, 0.4 * load / max(np.hypot(*load).max(), 1e-300)
 
 
-@drawing
+@draws(orbit=Orbit)
 def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Smallest film thickness and largest pressure of every journal over the crank angle.
 
@@ -161,7 +161,7 @@ def journal_films_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
 # ---------------------------------------------------------------- one bearing under a table of loads
 
 
-@drawing
+@draws(journal=LoadedJournal)
 def loaded_journal_figures(journal: LoadedJournal) -> dict[str, Figure]:
     """Path of a journal in its clearance, and its film with the diagram of its loads, by name.
 
@@ -171,7 +171,7 @@ def loaded_journal_figures(journal: LoadedJournal) -> dict[str, Figure]:
     return {"path": loaded_path(journal), "film": loaded_film(journal)}
 
 
-@drawing
+@draws(journal=LoadedJournal)
 def loaded_path(journal: LoadedJournal) -> Figure:
     """Path of a journal in its clearance circle, in the axes of its load table, with its load as arrows.
 
@@ -201,7 +201,7 @@ def loaded_path(journal: LoadedJournal) -> Figure:
     return figure
 
 
-@drawing
+@draws(journal=LoadedJournal)
 def loaded_film(journal: LoadedJournal) -> Figure:
     """Load diagram with the points of the table, smallest film and largest pressure over the period.
 
@@ -242,7 +242,7 @@ def loaded_film(journal: LoadedJournal) -> Figure:
 # ---------------------------------------------------------------- one bearing under a steady load
 
 
-@drawing
+@draws(curve=StribeckCurve)
 def stribeck(curve: StribeckCurve) -> Figure:
     """Friction torque of film and contact over speed, and the thinnest film beside the roughness.
 
@@ -279,7 +279,7 @@ def stribeck(curve: StribeckCurve) -> Figure:
     return figure
 
 
-@drawing
+@draws(steady_state=SteadyBearing)
 def film_figures(steady_state: SteadyBearing, model: str = "") -> dict[str, Figure]:
     """All pictures by name; those that the film model does not give are left out.
 
@@ -295,7 +295,7 @@ def film_figures(steady_state: SteadyBearing, model: str = "") -> dict[str, Figu
     return figures
 
 
-@drawing
+@draws(found=SteadyBearing)
 def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     """Pressure over the unrolled bearing, and along its mid-plane with the film thickness.
 
@@ -348,7 +348,7 @@ def film_pressure(found: SteadyBearing, model: str = "") -> Figure:
     return figure
 
 
-@drawing
+@draws(steady_state=SteadyBearing)
 def film_coefficients(steady_state: SteadyBearing, model: str = "") -> Figure:
     """Dimensionless stiffness and damping over the Sommerfeld number, with the running point.
 

@@ -30,7 +30,7 @@ from . import _style as style
 from ._animate import machine_views
 from ._bearings import bearing_loads, journal_films_over_turn, journal_paths
 from ._cylinder import cylinder_figures
-from ._drawing import drawing
+from ._drawing import draws
 from ._fine import EndDiagram, FineTurn, diagrams_of_ends, fine_turn, first_diagram
 from ._vibration import free_body_errors, shaking_force, vibration_orbits
 
@@ -38,7 +38,7 @@ _TORQUE = "Torque in the sense of rotation, N m"
 _ORDERS = 12
 
 
-@drawing
+@draws(steady_state=SteadyState)
 def steady_state_figures(steady_state: SteadyState) -> dict[str, Figure]:
     """All pictures of a machine's periodic state by name; those of absent parts are left out."""
     parts: Any = steady_state.machine.parts
@@ -51,7 +51,7 @@ def steady_state_figures(steady_state: SteadyState) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws(orbit=Orbit)
 def orbit_figures(
     compressor: Compressor, orbit: Orbit, suspension: Suspension | None = None
 ) -> dict[str, Figure]:
@@ -111,7 +111,7 @@ def rod_loads(sheet: ProcessSheet) -> Figure:
 _MOST_DIAGRAMS = 8
 
 
-@drawing
+@draws(orbit=Orbit)
 def pv_diagram(compressor: Compressor, orbit: Orbit) -> Figure:
     """Cylinder pressure over the volume that the piston displaces; of several cylinders the first.
 
@@ -173,7 +173,7 @@ def _draw_ends(ax, ends: list[EndDiagram]) -> None:
             ax.plot(*curve, color=tint, linestyle=line, linewidth=1.5, label=label)
 
 
-@drawing
+@draws(orbit=Orbit)
 def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     """Magnitude of every joint force, and the side force of the cylinder wall with its sign."""
     turn = fine_turn(compressor, orbit)
@@ -208,7 +208,7 @@ def joint_forces(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     """Friction of every joint (Tsuji et al. 2012, Fig. 4).
 
@@ -245,7 +245,7 @@ def joint_friction(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     """Crank speed and acceleration (Tsuji et al. 2012, Fig. 3 a and b)."""
     figure, (above, below) = style.stacked(2, (7.2, 5.2), "Crank motion over one revolution")
@@ -266,7 +266,7 @@ def speed_over_turn(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def crank_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     """Torques on the crank: motor, gas, friction and the inertia of the moving parts.
 
@@ -310,7 +310,7 @@ def cylinder_torques(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def loss_shares(orbit: Orbit) -> Figure:
     """Work lost in each joint, with its power and its share of all losses.
 
@@ -394,7 +394,7 @@ def _inertia_torques(compressor: Compressor, state):
 # ---------------------------------------------------------------- several cylinders
 
 
-@drawing
+@draws(orbit=Orbit)
 def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     """Orders of time of the torque of gas and weights, the shaking force and its couples.
 
@@ -430,7 +430,7 @@ def order_spectra(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) -> Figure:
     """Peak torque of every spring of the crank train against speed, with its critical speeds.
 
@@ -463,7 +463,7 @@ def torsion_over_speed(compressor: Compressor, orbit: Orbit, train: CrankTrain) 
     return figure
 
 
-@drawing
+@draws()
 def by_number_of_cylinders(results: Mapping[str, Orbit]) -> Figure:
     """Efficiency and fluctuation of machines with different cylinders.
 

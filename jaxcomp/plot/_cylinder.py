@@ -13,7 +13,7 @@ from ..cylinder._several import SeveralCycles
 from ..fluid._real import has_dew_line
 from ..study.rating import QUANTITIES, ZERO, RatingMap
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 # Points of an indicator diagram beside the nodes of the solver.
 _SAMPLES = 720
@@ -22,7 +22,7 @@ _DISCHARGE = style.colour("discharge")
 _GAS = "#444444"
 
 
-@drawing
+@draws(cycle=Cycle | SeveralCycles, performance=Performance)
 def cylinder_figures(
     cycle: Cycle | SeveralCycles, performance: Performance | None = None
 ) -> dict[str, Figure]:
@@ -42,7 +42,7 @@ def cylinder_figures(
     return figures
 
 
-@drawing
+@draws(cycle=Cycle)
 def valve_losses(cycle: Cycle) -> Figure:
     """Pressure over volume; shaded is the work that the valves cost."""
     case = cycle.case
@@ -85,7 +85,7 @@ def _fine_diagram(cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.asarray(volume) * 1e6, np.asarray(cycle.pressure_at(angle)) / 1e6, lifts
 
 
-@drawing
+@draws(cycle=Cycle)
 def valve_motion(cycle: Cycle) -> Figure:
     """Lift of the valves, flow through them and pressure in the plenums over the crank angle."""
     plenums = cycle.plenum_pressure
@@ -117,7 +117,7 @@ def valve_motion(cycle: Cycle) -> Figure:
     return figure
 
 
-@drawing
+@draws(cycle=Cycle)
 def log_p_h(cycle: Cycle) -> Figure:
     """The gas in the cylinder over its enthalpy, with the lines and the saturation dome.
 
@@ -155,7 +155,7 @@ def log_p_h(cycle: Cycle) -> Figure:
     return figure
 
 
-@drawing
+@draws(performance=Performance)
 def power_use(performance: Performance) -> Figure:
     """Uses of the power, from the isentropic power up."""
     power = performance.power
@@ -177,7 +177,7 @@ def power_use(performance: Performance) -> Figure:
     return figure
 
 
-@drawing
+@draws(rating_map=RatingMap)
 def rating_figures(rating_map: RatingMap, name: str) -> dict[str, Figure]:
     """Maps of capacity, power, COP and overall efficiency; none for a map of a single row or column."""
     figures = {}

@@ -8,7 +8,7 @@ from .._core.display import Shown, shown
 from ..study import Comparison, Sensitivity
 from ..study.tolerance import Tolerances
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 _LOW = "#0072B2"
 _HIGH = "#D55E00"
@@ -21,7 +21,7 @@ _BARS = 18
 _ROWS = 14
 
 
-@drawing
+@draws(comparison=Comparison)
 def compared_figures(comparison: Comparison) -> dict[str, Figure]:
     """All pictures of a comparison, by name: those of which it has numbers."""
     draw = {"power_use": (_USE, compared_power_use), "losses": (_LOSS, compared_losses)}
@@ -32,7 +32,7 @@ def compared_figures(comparison: Comparison) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws(comparison=Comparison)
 def compared_losses(comparison: Comparison) -> Figure:
     """Power lost in each joint of some designs, with a bar for each design.
 
@@ -42,7 +42,7 @@ def compared_losses(comparison: Comparison) -> Figure:
     return _compared_family(comparison, _LOSS, "Friction losses", "Power lost, W")
 
 
-@drawing
+@draws(comparison=Comparison)
 def compared_power_use(comparison: Comparison) -> Figure:
     """Uses of the electric (or shaft) power of machines with valves, with a bar for each design.
 
@@ -89,7 +89,7 @@ def _compared_family(comparison: Comparison, family: str, title: str, label: str
 # ---------------------------------------------------------------- sensitivity
 
 
-@drawing
+@draws(sensitivity=Sensitivity)
 def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figure]:
     """All pictures of a sensitivity study, by name.
 
@@ -103,7 +103,7 @@ def sensitivity_figures(sensitivity: Sensitivity, title: str) -> dict[str, Figur
     return figures
 
 
-@drawing
+@draws(found=Sensitivity)
 def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivity") -> Figure:
     """Elasticity of a quantity with respect to the numbers that it depends on most.
 
@@ -136,7 +136,7 @@ def sensitivity_bars(found: Sensitivity, name: str = "", title: str = "Sensitivi
 # ---------------------------------------------------------------- tolerances
 
 
-@drawing
+@draws(tolerances=Tolerances)
 def tolerance_figures(tolerances: Tolerances, title: str) -> dict[str, Figure]:
     """All pictures of a scatter, by name.
 
@@ -151,7 +151,7 @@ def tolerance_figures(tolerances: Tolerances, title: str) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws(found=Tolerances)
 def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     """Distribution of a quantity, with the bells of first and second order and its limits.
 
@@ -219,7 +219,7 @@ def tolerance_histogram(found: Tolerances, name: str, title: str) -> Figure:
     return figure
 
 
-@drawing
+@draws(found=Tolerances)
 def tornado(found: Tolerances, name: str, title: str) -> Figure:
     """A quantity with one variable after the other at its limits, beside shares of the variance.
 

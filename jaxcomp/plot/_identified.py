@@ -7,7 +7,7 @@ from .._core.display import Shown, shown
 from ..study import Identification
 from ..study.rating import ZERO
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 _FITTED = style.tint(0)
 _PREDICTED = style.tint(1)
@@ -18,7 +18,7 @@ _RADIUS = 5.991**0.5
 _FEW = 12
 
 
-@drawing
+@draws(identification=Identification)
 def identification_figures(identification: Identification, name: str) -> dict[str, Figure]:
     """All pictures of an identification by name.
 

@@ -9,7 +9,7 @@ from matplotlib.tri import Triangulation
 from .._core.display import Shown, shown
 from ..study import Optimum, ParetoFront
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 _SAMPLE = "#9A9A9A"
 _BEST = "#D55E00"
@@ -20,20 +20,20 @@ _BREAKS = "breaks a constraint"
 _PATHS = ("#0072B2", "#56B4E9", "#E69F00", "#56437F", "#999933", "#AA4499", "#444444", "#009E73")
 
 
-@drawing
+@draws(optimum=Optimum)
 def optimum_figures(optimum: Optimum) -> dict[str, Figure]:
     """All pictures of an optimum, by name."""
     return {"path": optimum_path(optimum), "convergence": optimum_convergence(optimum)}
 
 
-@drawing
+@draws(optimum=Optimum)
 def optimum_path(optimum: Optimum) -> Figure:
     """Paths of the starts: over one variable, in the plane of two, by step for more."""
     draw = {1: _line, 2: _plane}.get(len(optimum.values), _strips)
     return draw(optimum)
 
 
-@drawing
+@draws(optimum=Optimum)
 def optimum_convergence(optimum: Optimum) -> Figure:
     """Distance from the best objective and projected slope by step, for every start."""
     title = f"Convergence: {_title(optimum)}"
@@ -51,7 +51,7 @@ def optimum_convergence(optimum: Optimum) -> Figure:
     return figure
 
 
-@drawing
+@draws(front=ParetoFront)
 def pareto_front(front: ParetoFront) -> Figure:
     """The front with both ends and the present design, over the sample."""
     names = [style.words(name).lower() for name in front.names]

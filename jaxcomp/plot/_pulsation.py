@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .._core.display import RPM
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 # Orders of a spectrum that are drawn.
 _DRAWN = 20
@@ -16,7 +16,7 @@ _DRAWN = 20
 _LEAST_SHOWN = 1.0
 
 
-@drawing
+@draws()
 def pulsation_figures(pulsation: dict[str, Any]) -> dict[str, Figure]:
     """Pictures of `jaxcomp pulsation`, by name.
 

@@ -16,7 +16,7 @@ from ..rotor._model import node_positions, subset_names, subsets
 from ..rotor._nodes import node_names
 from ..vibration import MotionOverSpeed, RotorMotion
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 # Curves of a response that still can be read.
 _CURVES = 7
@@ -33,7 +33,7 @@ _SOLID = {
 }
 
 
-@drawing
+@draws()
 def rotor_drawing(model: RotorModel) -> Figure:
     """Shafts and disks to scale along z; bodies as bars below, with the links between them."""
     places = node_positions(model)
@@ -114,7 +114,7 @@ def shaft_nodes(model: RotorModel) -> list[Any]:
     return nodes
 
 
-@drawing
+@draws(rotor_modes=RotorModes)
 def rotor_modes_figures(rotor_modes: RotorModes) -> dict[str, Figure]:
     """The rotor, its mode shapes and its Campbell diagram, by name."""
     figures = {"rotor": rotor_drawing(rotor_modes.model), "modes": mode_shapes(rotor_modes)}
@@ -123,7 +123,7 @@ def rotor_modes_figures(rotor_modes: RotorModes) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws(rotor_motion=RotorMotion)
 def rotor_motion_figures(rotor_motion: RotorMotion) -> dict[str, Figure]:
     """The rotor, its deflection, the orbits of watched nodes and curves over the speed, by name."""
     figures = {
@@ -136,7 +136,7 @@ def rotor_motion_figures(rotor_motion: RotorMotion) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws(found=RotorMotion | Response)
 def response_curves(found: RotorMotion | Response, nodes: Sequence[str | int] = ()) -> Figure:
     """Major axis of the orbits over the speed, one axes an order.
 
@@ -194,7 +194,7 @@ def _curves_of(response: Response, nodes: Sequence[str]) -> MotionOverSpeed:
     return MotionOverSpeed(orders, spin, major_axis)
 
 
-@drawing
+@draws(response=Response)
 def deflection_shape(model: RotorModel, response: Response) -> Figure:
     """Motion of all subsets along z at the instant of the largest, with the amplitude around it.
 
@@ -211,7 +211,7 @@ def deflection_shape(model: RotorModel, response: Response) -> Figure:
     return figure
 
 
-@drawing
+@draws(rotor_modes=RotorModes)
 def mode_shapes(rotor_modes: RotorModes) -> Figure:
     """The first modes at the first speed along z, x-plane and y-plane."""
     model = rotor_modes.model
@@ -235,7 +235,7 @@ def mode_shapes(rotor_modes: RotorModes) -> Figure:
     return figure
 
 
-@drawing
+@draws(rotor_motion=RotorMotion)
 def response_orbits(rotor_motion: RotorMotion) -> Figure:
     """Orbits of the watched nodes at the first speed, order by order; a dot marks time zero."""
     nodes = dict(list(rotor_motion.motion.items())[:12])
@@ -286,7 +286,7 @@ def _highest_shown(hertz: np.ndarray, spin: float) -> float:
     return min(max(1.3 * 2 * spin, some), every)
 
 
-@drawing
+@draws(campbell=CampbellDiagram | DampedModes)
 def campbell_diagram(
     campbell: CampbellDiagram | DampedModes, speeds: Sequence[float] = ()
 ) -> Figure:

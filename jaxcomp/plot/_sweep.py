@@ -16,7 +16,7 @@ from ..study.sweep._best import shown_column
 from ..study.sweep._store import quantity_names, variable_names
 from ..study.sweep._summary import machine_parts
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 if TYPE_CHECKING:
     import xarray
@@ -29,7 +29,7 @@ _CLOUD = 20_000
 _CURVES = 12
 
 
-@drawing
+@draws()
 def sweep_figures(dataset: "xarray.Dataset", title: str) -> dict[str, Figure]:
     """All pictures of a sweep, by name.
 
@@ -53,7 +53,7 @@ def sweep_figures(dataset: "xarray.Dataset", title: str) -> dict[str, Figure]:
     return figures
 
 
-@drawing
+@draws()
 def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> dict[str, Figure]:
     """Every quantity of several machines beside each other, then the pictures of each by itself.
 
@@ -90,7 +90,7 @@ def machine_figures(dataset: "xarray.Dataset", title: str, dimension: str) -> di
     return figures
 
 
-@drawing
+@draws()
 def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity as a filled map over the first two variables, with the curve of its best values.
 
@@ -145,7 +145,7 @@ def sweep_map(found: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-@drawing
+@draws()
 def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """A quantity over the first variable, with a curve for each value of the second.
 
@@ -197,7 +197,7 @@ def sweep_curves(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-@drawing
+@draws()
 def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The best value of the first variable over the second, and what it reaches.
 
@@ -231,7 +231,7 @@ def optimum_curve(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     return figure
 
 
-@drawing
+@draws()
 def sample_cloud(dataset: "xarray.Dataset", name: str, title: str) -> Figure:
     """The distribution of a quantity, and the quantity over each variable.
 

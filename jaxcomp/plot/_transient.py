@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from .._core.display import RPM
 from ..crank import Transient
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 
 
-@drawing
+@draws(transient=Transient)
 def transient_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
     """Speed over time, and the work since the start: of the motor, of the gas, of friction, in motion.
 
@@ -56,7 +56,7 @@ def transient_figure(transient: Transient, name: str, power_off: float | None = 
     return figure
 
 
-@drawing
+@draws(transient=Transient)
 def transient_gas_figure(transient: Transient, name: str, power_off: float | None = None) -> Figure:
     """Pressure in the cylinders and lifts of the valves over the last four revolutions.
 

@@ -16,7 +16,7 @@ from ..vibration import Harmonics, Suspension, block_response, orbit_load, shaki
 from ..vibration._block import free_body_error, free_body_response, point_motion
 from ..vibration._suspension import block_points, with_scaled_frequencies
 from . import _style as style
-from ._drawing import drawing
+from ._drawing import draws
 from ._fine import fine_turn
 
 _POINTS = (style.INK, *style.TINTS[:6])
@@ -25,7 +25,7 @@ _HARMONICS = 12
 _INSTANTS = 361
 
 
-@drawing
+@draws(orbit=Orbit)
 def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     """Locus of the shaking force on the block, and its moments over the revolution.
 
@@ -61,7 +61,7 @@ def shaking_force(compressor: Compressor, orbit: Orbit) -> Figure:
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspension) -> Figure:
     """Settled orbits of the mass centre and of the springs' places on the block, in three planes.
 
@@ -87,7 +87,7 @@ def vibration_orbits(compressor: Compressor, orbit: Orbit, suspension: Suspensio
     return figure
 
 
-@drawing
+@draws(orbit=Orbit)
 def free_body_errors(compressor: Compressor, orbit: Orbit, suspension: Suspension) -> Figure:
     """Error of the free-body approximation against the frequency of the suspension.
 
@@ -147,13 +147,13 @@ def _errors(compressor, orbit, suspension, points, factors):
 # ---------------------------------------------------------------- balance
 
 
-@drawing
+@draws(balance=Balance)
 def balance_figures(balance: Balance, title: str = "Vibration") -> dict[str, Figure]:
     """All pictures of a balance, by name."""
     return {"vibration": balance_bars(balance, title), "corrections": balance_polar(balance)}
 
 
-@drawing
+@draws(balance=Balance)
 def balance_bars(balance: Balance, title: str = "Vibration") -> Figure:
     """Amplitude of every reading before and after, a panel for each speed."""
     system = balance.influence
@@ -189,7 +189,7 @@ def _weights_note(balance: Balance) -> str:
     return "\nSquares: weights to add."
 
 
-@drawing
+@draws(balance=Balance)
 def balance_polar(balance: Balance) -> Figure:
     """Size and place of the corrections, seen along the shaft; 0 is the crank pin's direction."""
     unit, factor = small_unit(balance.influence.trial)
