@@ -23,6 +23,7 @@ from .._core.declared import (
     word,
 )
 from .._core.display import RPM, rounded, vibration_unit
+from .._core.evidence import Check
 from .._core.results import Data, Result, columns_of
 from .._core.status import Status
 from ._further_trial import further_trial
@@ -223,6 +224,22 @@ class Balance(Result, eqx.Module):
     weights: PlacedWeights | None = held(default=None)
 
     table_dims: ClassVar[tuple[str, ...]] = ("row",)
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Checks of the planes and of the optimum."""
+        del tolerance
+        condition = float(self.condition)
+        gap = abs(float(self.gap))
+        return (
+            # errors of the influence coefficients come out that much larger in the masses
+            Check(
+                "Condition of the balancing planes",
+                f"{condition:.3g}",
+                condition < 100,
+                "below 100",
+            ),
+            Check("Gap to the proven optimum", f"{gap:.1e}", gap <= 1e-3, "at most 1e-03"),
+        )
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result, in SI units; measured vibration as it was read."""

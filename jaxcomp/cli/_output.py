@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import typer
 
 from .._core.declared import Declared, Record, tree_of, with_units, without_units
+from .._core.evidence import Check
 from .._core.interrupts import words_when_stopped
 from ._options import AsJson, Force, Out, OutWithoutScene
 from ._start import CommandError, command_line, show_error, waiting
@@ -99,6 +100,7 @@ class Output:
                 tables=shown,
                 curves=columns,
                 texts=files(),
+                evidence=result.evidence(getattr(numbers, "tolerance", 0.0)),
             )
             write_results_of_command(self.out, contents, self.force)
         if not self.as_json:
@@ -171,6 +173,7 @@ def result_files(
     tables: Iterable[Any] = (),
     curves: Mapping[str, Mapping[str, Any]] | None = None,
     texts: Mapping[str, str] | None = None,
+    evidence: Iterable[Check] = (),
 ) -> dict[str, bytes]:
     """Contents of the files of a command by their names.
 
@@ -186,6 +189,7 @@ def result_files(
         tables: for `rich`; without them the report shows the numbers of `result`.
         curves: columns with their units, by the name of the CSV file that takes them.
         texts: of further files, by name.
+        evidence: checks of the result.
     """
     from .._core.results import csv_text
     from ..report import report
@@ -215,9 +219,8 @@ def result_files(
         from ..plot._interactive import interactive_page
 
         contents["interactive.html"] = interactive_page(figures, title).encode()
-    page = report(
-        without_units(result), tables, figures, scene, Provenance.of_this_process(command_line())
-    )
+    provenance = Provenance.of_this_process(command_line())
+    page = report(without_units(result), tables, figures, scene, provenance, evidence)
     contents["report.html"] = page.encode()
     for name, text in (texts or {}).items():
         contents[name] = text.encode()

@@ -11,6 +11,7 @@ import typer
 import jaxcomp as jc
 
 from .._core.declared import Record, part, reading, word
+from .._core.evidence import Check, ended, is_small
 from . import _options as opt
 from ._output import Output
 from ._rotor import points_and_range, rotor_of
@@ -115,6 +116,15 @@ class Animation(Record):
     balancing: BalancedMotion | None = part(
         BalancedMotion, inline=True, optional=True, default=None
     )
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Checks of the periodic state, where there is a crank."""
+        if self.converged is None:
+            return ()
+        return (
+            ended("Solution", str(self.status), self.converged),
+            is_small("Energy closure", float(self.energy_residual), tolerance),
+        )
 
 
 def balancing_motion(

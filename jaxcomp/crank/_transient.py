@@ -21,6 +21,7 @@ from .._core.declared import (
     word,
 )
 from .._core.errors import BadInput
+from .._core.evidence import Check, ended, is_small
 from .._core.exported import kept_jit
 from .._core.extremes import max_of, minimum
 from .._core.fields import admissible, clipped, is_traced, replaced
@@ -215,6 +216,13 @@ class Transient(Result, eqx.Module):
     def status_word(self) -> str:
         """Status in words."""
         return Status[self.status]
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Checks of the integration; `tolerance` is that of the integrator."""
+        return (
+            ended("Solution", Status[self.status], bool(self.converged)),
+            is_small("Energy closure", float(self.energy_residual), tolerance),
+        )
 
     @property
     def residual(self) -> Float[Array, " n"]:

@@ -20,9 +20,9 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from .._core.display import behind
+from .._core.evidence import Check
 from ..scene import Scene, describe
 from ..scene._describe import DescribedValue
-from ._checks import Check, checks
 
 _CLASSES = {"bold": "strong", "red": "bad", "green": "good", "yellow": "warning", "dim": "faint"}
 # A drawing with more lines than this is smaller, and faster to show, as pixels.
@@ -57,15 +57,17 @@ def report(
     pictures: Mapping[str, Figure | bytes],
     scene: Scene | None,
     provenance: Provenance,
+    evidence: Iterable[Check] = (),
 ) -> str:
     """A report as one HTML document that loads nothing else.
 
     Args:
-        result: what the command found, as plain numbers; its evidence becomes the checks.
+        result: what the command found, as plain numbers.
         tables: tables and lines of `rich`; the single numbers of `result` if there are none.
         pictures: figures, or the bytes of a GIF, by name.
         scene: what was worked on; its values are listed with their sources.
         provenance: how this came about.
+        evidence: checks of the result.
     """
     name = str(result.get("machine", "jaxcomp"))
     lead = ""
@@ -82,7 +84,7 @@ def report(
         f"<header><h1>{escape(name)}</h1>{lead}{origin}</header>",
         _section("Results", shown),
         _section("Pictures", "".join(map(picture_html, pictures, pictures.values()))),
-        _checks(checks(result)),
+        _checks(evidence),
         sources,
     ]
     titles = re.findall(r"<h2 id=\"([^\"]*)\">(.*?)</h2>", "".join(parts))
@@ -97,10 +99,10 @@ def report(
     )
 
 
-def _checks(results: tuple[Check, ...]) -> str:
-    if not results:
+def _checks(evidence: Iterable[Check]) -> str:
+    rows = "".join(map(_check_row, evidence))
+    if not rows:
         return ""
-    rows = "".join(map(_check_row, results))
     head = "<tr><th></th><th>Check</th><th>Found</th><th>Wanted</th></tr>"
     return _section("Checks", f"<table><thead>{head}</thead><tbody>{rows}</tbody></table>")
 

@@ -19,6 +19,7 @@ from .._core.declared import (
     records_of,
     word,
 )
+from .._core.evidence import Check
 from .._core.results import Data, Result, columns_of
 from ._campbell import CriticalSpeeds
 from ._damped import DampedModes
@@ -213,6 +214,12 @@ class RotorModes(Result):
         )
         # what a model with few modes lacks is not a number
         return tuple(mode for mode in listed if np.isfinite(mode.frequency))
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Whether the rotor is stable at every speed."""
+        del tolerance
+        good = all(self.stable)
+        return (Check("Stability", "stable" if good else "unstable", good, "no mode grows"),)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each speed and mode."""

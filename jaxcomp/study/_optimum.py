@@ -26,6 +26,7 @@ from .._core.declared import (
     word,
 )
 from .._core.display import shown
+from .._core.evidence import Check, ended
 from .._core.results import Data, Result
 from ..machine import Machine
 from ._compared import Comparison, compare
@@ -290,6 +291,15 @@ class Optimum(Result):
             feasible=sample.feasible.sum(),
             solved=sample.ok.sum(),
             best_objective=best,
+        )
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Checks of the search and of the constraints."""
+        del tolerance
+        answer = "kept" if self.feasible else "violated"
+        return (
+            ended("Search", self.status, self.status == "converged"),
+            Check("Constraints", answer, bool(self.feasible), "kept"),
         )
 
     def described(self) -> Iterator[Data]:

@@ -24,6 +24,7 @@ from .._core.declared import (
 from .._core.display import ZERO_CELSIUS
 from .._core.each import of_cylinder
 from .._core.errors import BadInput
+from .._core.evidence import Check, ended, is_small
 from .._core.exported import kept_jit
 from .._core.extremes import max_of
 from .._core.registry import Quantity, offered_values, registered
@@ -287,6 +288,25 @@ class SteadyState(Result):
             return None
         return {name: _moved_film(film) for name, film in self.moved_films.items()}
 
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Checks of the periodic state; `tolerance` is that of its solver."""
+        numbers = self.numbers
+        checks = [
+            ended("Solution", Status[self.orbit.status], bool(self.orbit.converged)),
+            is_small("Energy closure", numbers["energy_residual"], tolerance),
+            is_small("Residual", numbers["residual"], tolerance),
+        ]
+        resolution = numbers["resolution"]
+        name = "Resolution of the speed"
+        checks.append(Check(name, f"{resolution:.1e}", resolution <= 0.01, "at most 1e-02"))
+        if self.verification is not None:
+            checks.append(_march_check(self.verification, numbers, self.quantities["peak_force"]))
+        margin = self.quantities.get("joint_margin")
+        if margin is not None:
+            name = "Margin against self-locking"
+            checks.append(Check(name, f"{margin:.4f}", bool(margin > 0), "above 0"))
+        return tuple(checks)
+
     def _measured(self) -> dict[str, Measured]:
         """Quantities and numbers with their units."""
         units = self.units_by_name()
@@ -510,6 +530,23 @@ def _moved_film(film: JournalFilm) -> MovedFilm:
     """Least thickness and mean loss of a journal that moves."""
     loss = film.mean_shear_loss + film.mean_squeeze_loss + film.mean_contact_loss
     return MovedFilm(film.minimum_film, loss)
+
+
+def _march_check(
+    march: VerificationErrors, numbers: dict[str, Any], peak_forces: dict[str, float]
+) -> Check:
+    """Whether an independent integration finds the same numbers, or has ended at all."""
+    if march.status != Status[Status.converged]:
+        return Check("Independent march", march.status, False, "ends")
+    size = max(numbers["motor_work"], sum(numbers["losses"].values()), key=abs)
+    # what is zero, as the work of an ideal machine, has absolute errors
+    losses = sum(map(abs, march.losses.values())) / abs(size or 1.0)
+    largest = 0.0
+    for name, error in march.peak_forces.items():
+        largest = max(largest, abs(error) / (peak_forces[name] or 1.0))
+    answer = f"speed {march.speed:.1e}, losses {losses:.1e}, peaks {largest:.1e}"
+    good = march.speed <= 1e-4 and losses <= 1e-4 and largest <= 1e-2
+    return Check("Errors by an independent march", answer, good, "at most 1e-04, 1e-04, 1e-02")
 
 
 def _verification(orbit: Orbit) -> VerificationErrors | None:

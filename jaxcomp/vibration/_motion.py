@@ -19,6 +19,7 @@ from .._core.declared import (
     reading,
 )
 from .._core.errors import BadInput
+from .._core.evidence import Check, is_small
 from .._core.results import Data, Result
 from .._core.words import one_of
 from ..film import JournalBearing
@@ -243,6 +244,11 @@ class RotorMotion(Result):
         """Status of the response in words."""
         # a response that is not raises before there is a result, see `rotor_motion`
         return "ok"
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Whether the linear systems are solved."""
+        del tolerance
+        return (is_small("Last correction of the linear solution", float(self.correction)),)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each order and speed."""

@@ -1,5 +1,6 @@
 """Reports: self-contained, truthful about their evidence, and the same numbers as the terminal."""
 
+import dataclasses
 import re
 from html.parser import HTMLParser
 from importlib import resources
@@ -10,12 +11,14 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from typer.testing import CliRunner
 
+from jaxcomp import load
+from jaxcomp._core.evidence import all_solved, ended, is_small
 from jaxcomp.cli import app
 from jaxcomp.cli._tables import row_table
 from jaxcomp.report import report
-from jaxcomp.report._checks import checks
 from jaxcomp.report._page import Provenance, numbers_html, picture_html, rich_html, tables_html
 from jaxcomp.scene import describe, loads, start
+from jaxcomp.study import Sensitivity, steady_state
 
 MADE = Provenance(
     "jaxcomp run m.toml --set 'a b=<1>'", {"jaxcomp": "1", "jax": "2"}, "2000-01-01 00:00"
@@ -124,29 +127,55 @@ def test_page_without_scene_or_tables_shows_the_numbers():
     assert "Pictures" not in text
 
 
+NAN = float("nan")
+
+
 @pytest.mark.parametrize(
-    ("change", "word"),
+    ("check", "word"),
     [
-        ({}, "good"),
-        ({"converged": False, "status": "locked"}, "bad"),
-        ({"energy_residual": 2e-5}, "bad"),
-        ({"energy_residual": 2e-5, "tolerance": 1e-5}, "good"),  # as good as it was asked to be
-        ({"joint_margin": -0.01}, "bad"),
-        ({"residual": float("nan")}, "bad"),
-        ({"designs": 10, "failed": 1}, "bad"),
-        ({"samples": 9, "failed": 0}, "good"),
-        ({"recommended": None, "error": 1e-6}, "bad"),
-        ({"residual": [1.0]}, "good"),  # nothing is said of what is no single number
-        ({"stable": [True, False]}, "bad"),
-        ({"planes": [], "condition": 1e5}, "bad"),
+        (ended("Solution", "converged", True), "good"),
+        (ended("Solution", "locked", False), "bad"),
+        (is_small("Energy closure", -3e-9), "good"),
+        (is_small("Energy closure", 2e-5), "bad"),
+        (is_small("Energy closure", 2e-5, 1e-5), "good"),  # as good as it was asked to be
+        (is_small("Residual", NAN), "bad"),
+        (all_solved("Designs", 1, 10), "bad"),
+        (all_solved("Machines", 0, 9), "good"),
     ],
     ids=lambda value: str(value),
 )
-def test_checks_tell_good_from_bad(change, word):
-    found = checks(GOOD | change)
-    assert all(check.good for check in found) == (word == "good")
-    page = report(GOOD | change, [], {}, None, MADE)
+def test_checks_tell_good_from_bad(check, word):
+    assert check.good == (word == "good")
+    page = report(GOOD, [], {}, None, MADE, [check])
     assert ('class="bad"' in page) == (word == "bad")
+
+
+def test_a_result_without_evidence_has_no_checks():
+    assert "Checks" not in Reader(report(GOOD, [], {}, None, MADE)).text
+    assert Sensitivity.evidence(None) == ()
+
+
+def changed(state, **numbers):
+    """A periodic state with other numbers."""
+    return dataclasses.replace(state, numbers=state.numbers | numbers)
+
+
+def test_evidence_of_a_periodic_state():
+    state = steady_state(load("mayekawa-wbhe"))
+    assert all(check.good for check in state.evidence())
+    assert [check.name for check in state.evidence()] == [
+        "Solution",
+        "Energy closure",
+        "Residual",
+        "Resolution of the speed",
+        "Margin against self-locking",
+    ]
+    for wrong in ({"energy_residual": 2e-5}, {"residual": NAN}, {"resolution": 0.02}):
+        verdicts = [check.good for check in changed(state, **wrong).evidence()]
+        assert verdicts.count(False) == 1, wrong
+    assert all(check.good for check in changed(state, energy_residual=2e-5).evidence(1e-5))
+    locked = dataclasses.replace(state, quantities=state.quantities | {"joint_margin": -0.01})
+    assert not locked.evidence()[-1].good
 
 
 def test_markup_of_the_terminal_becomes_classes():
@@ -192,6 +221,46 @@ def test_large_drawings_become_pixels():
     assert "data:image/png" in picture_html("many", many)
     assert "data:image/svg+xml" in picture_html("one", figure())
     assert "data:image/gif" in picture_html("moves", b"GIF89a")
+
+
+BORE = ("mayekawa-wbhe", "--variable", "mechanism.bore=120mm:140mm")
+VOLUME = ("--quantity", "swept_volume")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "names"),
+    [
+        (
+            ("sweep", "mayekawa-wbhe", "--over", "mechanism.bore=120mm:130mm:3", *VOLUME),
+            ["Designs without a result 0 of 3 none"],
+        ),
+        (
+            ("tolerance", "mayekawa-wbhe", *VOLUME, "--vary", "mechanism.bore=+-1%"),
+            ["Machines of the sample without a result 0 of"],
+        ),
+        (
+            ("optimise", *BORE, "--objective", "swept_volume", "--minimise", "--starts", "1"),
+            ["Search converged converged", "Constraints kept kept"],
+        ),
+        pytest.param(
+            ("modes", "hermetic-68cc", "--speeds", "3000rpm"),
+            ["Stability stable no mode grows"],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("balance", "hermetic-68cc"),
+            ["Condition of the balancing planes", "Gap to the proven optimum"],
+            marks=pytest.mark.slow,
+        ),
+    ],
+    ids=lambda value: value[0],
+)
+def test_a_report_has_the_evidence_of_its_result(arguments, names, tmp_path):
+    done = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    text = Reader((tmp_path / "report.html").read_text("utf-8")).text
+    for name in names:
+        assert name in text, text[-600:]
 
 
 @pytest.mark.slow

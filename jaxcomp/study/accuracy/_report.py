@@ -21,6 +21,7 @@ from ..._core.declared import (
     reading,
     word,
 )
+from ..._core.evidence import Check
 from ..._core.results import Data, Result, columns_of
 
 # Errors at which methods are compared.
@@ -231,6 +232,15 @@ class Report(Result):
         for error in self.reachable:
             cheapest[f"{error:g}"] = {name: self.seconds(error, name) for name in self.methods}
         return cheapest
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Whether a setting with the error that was asked for exists."""
+        del tolerance
+        answer = "none of those tried"
+        if self.recommended is not None:
+            answer = "found"
+        name = f"Options with an error of at most {self.error:g}"
+        return (Check(name, answer, answer == "found", "found"),)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each setting."""

@@ -19,6 +19,7 @@ from ..._core.declared import (
     with_unit,
     word,
 )
+from ..._core.evidence import Check, all_solved
 from ._best import best_curve, best_design
 from ._store import OK, STATUS, quantity_names, status_words, variable_names
 
@@ -111,6 +112,11 @@ class SweepSummary(Record):
     quantities: dict[str, QuantitySummary] = part(QuantitySummary, by_name=True)
     ok: np.ndarray | None = word()
     status: np.ndarray | None = word()
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Whether all designs have a result."""
+        del tolerance
+        return (all_solved("Designs", int(self.failed), self.designs),)
 
 
 def summary(dataset: "xarray.Dataset", listing_limit: int = 10_000) -> SweepSummary:

@@ -12,6 +12,7 @@ from ..._core.arguments import bounds_by_names, counted, listed_names
 from ..._core.declared import computed, computed_part, computed_word
 from ..._core.display import Shown, shown
 from ..._core.errors import BadInput
+from ..._core.evidence import Check, all_solved
 from ..._core.results import Data, Result
 from ...machine import HasMachine, Machine, machine_of
 from .. import AnalysisOptions, prepared
@@ -77,6 +78,11 @@ class Tolerances(Result):
     reliability: tuple[Reliability, ...]
 
     table_dims: ClassVar[tuple[str, ...]] = ("sample",)
+
+    def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
+        """Whether all machines that were drawn have a result."""
+        del tolerance
+        return (all_solved("Machines of the sample", int(self.failed), int(self.samples)),)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has every machine that was drawn."""
