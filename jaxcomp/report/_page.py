@@ -88,8 +88,10 @@ def report(
         sources,
     ]
     titles = re.findall(r"<h2 id=\"([^\"]*)\">(.*?)</h2>", "".join(parts))
-    links = [f'<a href="#{place}">{title}</a>' for place, title in titles]
-    parts.insert(1, f"<nav>{''.join(links)}</nav>")
+    links = ""
+    for place, title in titles:
+        links += f'<a href="#{place}">{title}</a>'
+    parts.insert(1, f"<nav>{links}</nav>")
     style = (resources.files("jaxcomp.report") / "style.css").read_text("utf-8")
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -219,7 +221,7 @@ def _cells(column: Column) -> list[str]:
 
 def _names_rows(column: Column) -> bool:
     """Whether the cells of a column are names of the rows, and no numbers."""
-    filled = [text for text in _plain_texts(column.cells) if text]
+    filled = [*filter(None, _plain_texts(column.cells))]
     return bool(filled) and not all(re.match(r"[+-]?\d", text) for text in filled)
 
 

@@ -218,8 +218,10 @@ class RotorModes(Result):
     def evidence(self, tolerance: float = 0.0) -> tuple[Check, ...]:
         """Whether the rotor is stable at every speed."""
         del tolerance
-        good = all(self.stable)
-        return (Check("Stability", "stable" if good else "unstable", good, "no mode grows"),)
+        answer = "unstable"
+        if all(self.stable):
+            answer = "stable"
+        return (Check("Stability", answer, answer == "stable", "no mode grows"),)
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units; the table has a row for each speed and mode."""
