@@ -104,6 +104,12 @@ class Result(Declared):
             if unit is not None and not isinstance(unit, Note) and values is not None:
                 yield Data(key, unit, values, declared_dims if dims is None else dims, doc)
 
+    def members_of(self, *names: str, **renamed: str) -> Iterator[Data]:
+        """Declared tables of numbers, as `data_of`, each number behind its name, as `loss.crank_pin`."""
+        for data in self.data_of(*names, **renamed):
+            for member, values in data.values.items():
+                yield data._replace(name=f"{data.name}.{member}", values=values)
+
     def columns(self) -> dict[str, np.ndarray]:
         """The curves or rows of this result by name and SI unit, each with shape (rows,).
 

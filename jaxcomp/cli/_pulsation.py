@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,9 @@ from ._arguments import speeds_of
 from ._output import Output, header
 from ._start import waiting
 from ._tables import row_table
+
+if TYPE_CHECKING:
+    from ..cylinder._pulsation import Limit
 
 # [-] Of the motor's speed, to either side of it, where no range is given.
 _HALF_RANGE = 0.5
@@ -118,15 +121,11 @@ class ResonanceRow(Record):
     crossings: tuple[Crossing, ...] = part(Crossing)
 
 
-@dataclass(frozen=True)
-class LimitRow(Record):
-    """A pulsation [-] peak to peak over the mean pressure, beside what API 618 allows there."""
+def _limit() -> type[Record]:
+    # help starts without JAX
+    from ..cylinder._pulsation import Limit
 
-    place: str = word()
-    order: int = reading("")
-    value: float = reading("")
-    allowed: float = reading("")
-    margin: float = reading("")
+    return Limit
 
 
 @dataclass(frozen=True)
@@ -157,7 +156,7 @@ class SolvedPulsation(Record):
 
     pressures: dict[str, Any] = reading("Pa", by_name=True)
     spectra: dict[str, Any] = reading("Pa", by_name=True)
-    limits: tuple[LimitRow, ...] = part(LimitRow)
+    limits: tuple[Limit, ...] = part(_limit)
     approach_1: dict[str, ApproachLimit] = part(ApproachLimit, by_name=True)
     shaking: dict[str, Any] = reading("N", by_name=True)
     pressure_drop: dict[str, Any] = reading("Pa", by_name=True)
@@ -237,23 +236,13 @@ def _solved(pulsation) -> SolvedPulsation:
     """The coupled answer."""
     from .._core.status import names_of_codes
 
-    limits = []
-    for limit in pulsation.limits:
-        row = LimitRow(
-            place=limit.place,
-            order=limit.order,
-            value=float(limit.value),
-            allowed=float(limit.allowed),
-            margin=float(limit.margin),
-        )
-        limits.append(row)
     approach_1 = {}
     for name, limit in pulsation.approach_1.items():
         approach_1[name] = ApproachLimit(float(limit.value), float(limit.allowed))
     return SolvedPulsation(
         pressures=pulsation.pressures,
         spectra=pulsation.spectra(),
-        limits=tuple(limits),
+        limits=tuple(pulsation.limits),
         approach_1=approach_1,
         shaking=pulsation.shaking_forces,
         pressure_drop=pulsation.mean_drops,

@@ -63,9 +63,7 @@ class Performance(Result, eqx.Module):
         yield from self.data_of("electric_power", "motor_efficiency", "overall_efficiency")
         if self.orbit.cycle and self.orbit.cycle.case.cylinder.refrigerates:
             yield from self.data_of("cop")
-        for shares in self.data_of("power", "heat"):
-            for place, value in shares.values.items():
-                yield shares._replace(name=f"{shares.name}.{place}", values=value)
+        yield from self.members_of("power", "heat")
         yield from self.data_of("heat_closure")
 
     @computed("")

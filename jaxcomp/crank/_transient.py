@@ -70,9 +70,7 @@ class CrankCourse(Result):
         """The quantities of this result in SI units."""
         yield from self.data_of("time", crank_angle="angle")
         yield from self.data_of("speed", "acceleration", "motor_work", "gas_work")
-        for losses in self.data_of("losses"):
-            for name, work in self.losses.items():
-                yield losses._replace(name=f"loss.{name}", values=work)
+        yield from self.members_of(loss="losses")
         yield from self.data_of("kinetic_energy")
 
 

@@ -62,9 +62,7 @@ def whole_cycle(cycle) -> Iterator[Data]:
     yield from cycle.data_of("mass_flow", "volumetric_efficiency", "isentropic_efficiency")
     yield from cycle.data_of("indicated_power", "discharge_temperature", "peak_pressure")
     yield from cycle.data_of("wall_temperature")
-    for losses in cycle.data_of("work_losses"):
-        for name, work in losses.values.items():
-            yield losses._replace(name=f"indicated_work.{name}", values=work)
+    yield from cycle.members_of(indicated_work="work_losses")
     yield from cycle.data_of("mass_closure", "energy_closure")
 
 

@@ -1,7 +1,8 @@
 """Pulsation of the lines of a cycle behind pipes: spectra, limits, shaking forces and losses."""
 
+import dataclasses
 from collections.abc import Iterator
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .._core.declared import computed
+from .._core.declared import Record, computed, reading, word
 from .._core.errors import BadInput
 from .._core.extremes import max_of, maximum, min_of
 from .._core.fields import is_traced
@@ -34,7 +35,8 @@ _ACROSS = 1.8412
 FAST = 0.15
 
 
-class Limit(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Limit(Record):
     """A limit of API 618 beside what it limits, peak to peak over the mean pressure.
 
     Attributes:
@@ -44,12 +46,12 @@ class Limit(NamedTuple):
         allowed: [-]
     """
 
-    place: str
-    order: int
-    value: Float[Array, ""]
-    allowed: Float[Array, ""]
+    place: str = word()
+    order: int = reading("")
+    value: Float[Array, ""] = reading("")
+    allowed: Float[Array, ""] = reading("")
 
-    @property
+    @computed("")
     def margin(self) -> Float[Array, ""]:
         """[-] What is allowed over what is."""
         return self.allowed / maximum(self.value, 1e-12)
@@ -388,17 +390,10 @@ class Pulsation(Result, eqx.Module):
 
     def described(self) -> Iterator[Data]:
         """The quantities of this result in SI units."""
-        yield from self._members("pressures")
+        yield from self.members_of("pressures")
         yield from self.data_of("margin")
-        yield from self._members("shaking_forces")
-        yield from self._members("mean_drops")
+        yield from self.members_of("shaking_forces", "mean_drops")
         yield from self.data_of("resolution", "linear_error")
-
-    def _members(self, name: str) -> Iterator[Data]:
-        """Numbers that have names of their own behind that of a declared one."""
-        for data in self.data_of(name):
-            for place, value in data.values.items():
-                yield data._replace(name=f"{data.name}.{place}", values=value)
 
 
 def _waves_of(series: Float[Array, " h"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
