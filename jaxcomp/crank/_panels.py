@@ -13,6 +13,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from .._core.extremes import clip, max_of, minimum
+from .._core.lookup import interval_of
 from .._core.polynomials import Rule, gauss
 
 # [rad] Panels below hold no part of the revolution: edges that no load reversal needs lie on others.
@@ -51,8 +52,7 @@ class Panels(NamedTuple):
 
     def panel_of(self, angle: Float[Array, "*n"]) -> Int[Array, "*n"]:
         """Index of the panel that holds an angle [rad]; at an edge, the one that begins there."""
-        panel = jnp.searchsorted(self.edges, angle, side="right", method="compare_all") - 1
-        return clip(panel, 0, self.width.size - 1)
+        return interval_of(self.edges, angle)
 
     def interpolate(self, values, angle: Float[Array, "*n"]):
         """Value at angles [rad] within the revolution of the panel polynomials there.

@@ -15,6 +15,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from .._core.extremes import clip, max_of, maximum, min_of, minimum
+from .._core.lookup import row_and_column
 from .._core.roots import AbstractFixedPoint, FixedPointReport, frozen, settle
 from ._iteration import (
     PLACE_UNIT,
@@ -210,7 +211,8 @@ class OrbitProblem(AbstractFixedPoint):
             best, order = lax.top_k(-score, count)
             index = jnp.concatenate([index, jnp.zeros(count, int)])[order]
             used = best > -jnp.inf
-            row, panel, sample = jnp.unravel_index(jnp.where(used, index, 0), shape)
+            row, of_row = row_and_column(jnp.where(used, index, 0), shape[1] * shape[2])
+            panel, sample = row_and_column(of_row, shape[2])
             # an unused place goes to the first edge, where it makes a panel of no width
             low = jnp.where(used, angle[panel, sample], grid.edges[0])
             high = jnp.where(used, angle[panel, sample + 1], grid.edges[0])

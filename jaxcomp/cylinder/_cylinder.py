@@ -12,6 +12,7 @@ from .._core.display import ZERO_CELSIUS
 from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import POSITIVE, Bound, is_traced, known_values, quantity, rebuilt, replaced
+from .._core.lookup import interval_of
 from .._core.polynomials import gauss, legendre_columns
 from ..fluid import AbstractFluid, AbstractRealGas, GasState, Mixture
 from ..fluid._real import FAR, has_dew_line
@@ -670,11 +671,9 @@ class Pace(eqx.Module):
         """The excess [-] at a crank angle [rad] of any revolution, with all derivatives."""
         first = self.edges[0]
         revolution = 2 * np.pi
-        # edges are those of one revolution, an angle may be of any; all edges are compared at
-        # once, where a binary search would be a loop within every evaluation of the rates
+        # edges are those of one revolution, an angle may be of any
         turned = first + jnp.mod(angle - first, revolution)
-        panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
-        panel = clip(panel, 0, self.edges.size - 2)
+        panel = interval_of(self.edges, turned)
         start = self.edges[panel]
         width = self.edges[panel + 1] - self.edges[panel]
         wide = width > 0
@@ -689,8 +688,7 @@ class Pace(eqx.Module):
         """The excess [rad] that has come together since the first edge, at a crank angle [rad]."""
         first = self.edges[0]
         turned = first + jnp.mod(angle - first, 2 * np.pi)
-        panel = jnp.searchsorted(self.edges, turned, side="right", method="compare_all") - 1
-        panel = clip(panel, 0, self.edges.size - 2)
+        panel = interval_of(self.edges, turned)
         widths = jnp.diff(self.edges)
         count = self.excess.shape[-1]
         rule = gauss(count)

@@ -16,6 +16,7 @@ from numpy.polynomial import legendre
 
 from .._core.extremes import clip, max_of, maximum, min_of, minimum
 from .._core.fields import ANY, NONNEGATIVE, quantity
+from .._core.lookup import interval_of, row_and_column
 from .._core.polynomials import cubic_step, gauss, legendre_columns
 from ..gas import AbstractGas
 from ._cylinder import Case
@@ -244,7 +245,7 @@ def over_panels(
     start = edges[0]
     count = values.shape[1]
     angle = start + jnp.mod(angle - start, 2 * jnp.pi)
-    panel = jnp.searchsorted(edges[1:-1], angle, side="right")
+    panel = interval_of(edges, angle)
     width = jnp.diff(edges)[panel]
     x = (angle - edges[panel]) / jnp.where(width > 0, width, 1.0)
     weights = jnp.moveaxis(legendre_columns(2 * x - 1, count), 0, -1) @ _to_series(count)
@@ -260,7 +261,7 @@ def highest(values: Float[Array, "p m"]) -> Float[Array, ""]:
     x = np.linspace(0, 1, 8 * values.shape[1] + 1)
     to_series = _to_series(values.shape[1])
     samples = fixed @ (legendre.legvander(2 * x - 1, values.shape[1] - 1) @ to_series).T
-    panel, column = jnp.unravel_index(jnp.argmax(samples), samples.shape)
+    panel, column = row_and_column(jnp.argmax(samples), samples.shape[1])
     column = clip(column, 1, x.size - 2)
     # a parabola through the highest sample and its neighbours: an error of the place counts with
     # its square

@@ -146,7 +146,7 @@ class SliderCrank(AbstractMechanism):
         """
         r, l, e = self.crank_radius, self.conrod_length, self.offset
         # The left side is hypot(x, e) cos(theta - arctan(e/x)).
-        distance = jnp.hypot(position, e)
+        distance = jnp.sqrt(position**2 + e**2)
         cosine = (position**2 + e**2 + r**2 - l**2) / (2 * r * distance)
         swing = swing_at(cosine)
         # Towards the head ahead of the top dead centre, away behind it.
