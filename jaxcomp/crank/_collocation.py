@@ -24,7 +24,7 @@ from ._iteration import OrbitParameters, Resolution, motor_steepness, prepare, r
 from ._journals import FEWEST_PANELS, orbiting_journals
 from ._orbit import Energy, Orbit
 from ._panels import panels
-from ._reversals import OrbitProblem
+from ._reversals import CrankSolution, OrbitProblem
 
 # Nodes on every panel and grading by default, by the number of cylinders up to those of all larger ones.
 _OF_SEVERAL = {2: (8, 1), 3: (7, 1), 4: (6, 1), 5: (6, 0), 6: (6, 0), 7: (5, 0)}
@@ -91,8 +91,10 @@ class Collocation(eqx.Module):
 
     name: ClassVar[str] = "collocation"
 
-    def problem(self, compressor: Compressor) -> OrbitProblem:
-        """The fixed-point problem of a compressor."""
+    def problem(
+        self, compressor: Compressor, solution: CrankSolution | None = None
+    ) -> OrbitProblem:
+        """The fixed-point problem of a compressor, with its solution where that has been found."""
         reversals = 0 if compressor.frictionless else self.reversals
         resolution = Resolution(self.nodes, reversals, self.grading)
         return OrbitProblem(
@@ -101,11 +103,23 @@ class Collocation(eqx.Module):
             self.tolerance,
             self.max_iterations,
             self.follow,
+            solution,
         )
 
     def solve(self, compressor: Compressor) -> Orbit:
         """The orbit of an admissible compressor."""
-        problem = self.problem(compressor)
+        return self.solved(compressor)[0]
+
+    def solved(
+        self, compressor: Compressor, solution: CrankSolution | None = None
+    ) -> tuple[Orbit, CrankSolution | None]:
+        """The orbit of an admissible compressor, and the unknowns of its equations if it has any.
+
+        Args:
+            compressor: the machine.
+            solution: unknowns of an earlier call with the same numbers, which are not searched for again.
+        """
+        problem = self.problem(compressor, solution)
         kinks = kink_angles(compressor)
         count = self.panel_count
         if count is None and kinks.size < FEWEST_PANELS and orbiting_journals(compressor):
@@ -119,11 +133,14 @@ class Collocation(eqx.Module):
         if self.panel_count is None and closure_of(compressor.motor).needs_steepness:
             parameters = _with_layers(parameters)
         if compressor.frictionless and not closure_of(compressor.motor).integrates:
-            return _explicit_orbit(parameters, problem.resolution, self.name)
-        motion, (_, report) = fixed_point(problem, parameters)
-        return orbit_of_motion(
+            return _explicit_orbit(parameters, problem.resolution, self.name), None
+        # nothing is iterated where the unknowns come with the problem
+        unknowns = fixed_point(problem, parameters)
+        motion, (_, report) = unknowns
+        orbit = orbit_of_motion(
             parameters, problem.resolution, motion, report, self.name, self.estimate
         )
+        return orbit, unknowns
 
 
 def default_collocation(compressor: Compressor) -> Collocation:

@@ -48,6 +48,7 @@ from ..motor import ConstantSpeed
 from ._collocation import Collocation
 from ._orbit import Orbit
 from ._performance import law_of
+from ._reversals import CrankSolution
 from ._warming import LARGEST_RISE, at_rise, first_rise, rise_after
 
 # [-] Change by a step at which crank and cycle agree. In larger sizes panels are laid anew for a hundred
@@ -116,12 +117,12 @@ def orbit_with_cylinder(
         else:
             cycle = _followed_cycles(compressor, speed, None, followed_orbit.cycle)
         agreed = jnp.asarray(True)
-        orbit = _orbit_under_pressure(compressor, cycle, solver)
+        orbit, _ = _orbit_under_pressure(compressor, cycle, solver)
     else:
         followed = None
         if followed_orbit is not None:
             followed = (followed_orbit.cycle, _without_cycle(followed_orbit))
-        (cycle, orbit), motion, agreed = _coupled(compressor, solver, even, followed)
+        (cycle, orbit), motion, agreed, _ = _coupled(compressor, solver, even, followed)
         if motion.rise is not None:
             # `rise_after` ends at the bound: a rise that is there satisfies no law
             agreed &= _KELVINS * motion.rise < 0.999 * LARGEST_RISE
@@ -141,7 +142,7 @@ def _is_marched(compressor: Compressor, solver) -> bool:
 
 @eqx.filter_custom_jvp
 def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None):
-    """Cycle and orbit that agree, the motion they have, and whether they were found.
+    """Cycle and orbit that agree, their motion, whether they were found, and the unknowns of the crank.
 
     Args:
         compressor: the machine.
@@ -151,7 +152,7 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
     """
     compressor = frozen(compressor)
     if followed is not None:
-        return followed, _motion_of_solution(compressor, followed, even), jnp.asarray(True)
+        return followed, _motion_of_solution(compressor, followed, even), jnp.asarray(True), None
     # nothing is known of a cycle and an orbit before the first step
     no_cycle = no_solution(compressor.gas, compressor.crankshaft.count, solver.cycle)
     phase = _phase_of_cycles(compressor)
@@ -163,7 +164,7 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
     if _seeks_pressures(compressor):
         between = jnp.log(guessed_pressures(compressor.gas, mechanisms_of(compressor)))
     first_motion = Motion(jnp.zeros(()), steady, _in_hundreds(rise), between)
-    _, (cycle, orbit) = zeros_of(_step, compressor, solver, first_motion, no_cycle)
+    _, (cycle, *of_crank) = zeros_of(_step, compressor, solver, first_motion, no_cycle)
 
     def step(motion, last_solution):
         new, solution = _step(compressor, solver, motion, solution_of(last_solution[0]))
@@ -173,12 +174,12 @@ def _coupled(compressor: Compressor, solver, even: bool, followed: tuple | None)
             lambda after, before: jnp.where(goes_on, after, before), new, motion
         ), solution
 
-    first_solution = unsolved(cycle), orbit
+    first_solution = unsolved(cycle), *of_crank
     tolerance, noise = _agreement(compressor, solver)
-    motion, solution, report = mix(
+    motion, (cycle, orbit, crank_solution), report = mix(
         step, first_motion, first_solution, tolerance, MAX_ITERATIONS, _sampled, _combined, noise
     )
-    return solution, motion, report.settled
+    return (cycle, orbit), motion, report.settled, crank_solution
 
 
 def _agreement(compressor: Compressor, solver) -> tuple[float, float]:
@@ -314,7 +315,7 @@ def _in_hundreds(rise: Float[Array, ""] | None) -> Float[Array, ""] | None:
 
 @eqx.filter_jit  # traced once, for its shapes and for all that is solved
 def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
-    """The motion that the pressure it causes gives the crank, with cycle and orbit.
+    """The motion that the pressure it causes gives the crank, with cycle, orbit and its unknowns.
 
     The cycle is marched where nothing has been found, and where the motion has changed its events.
     """
@@ -325,8 +326,11 @@ def _step(compressor: Compressor, solver, motion: Motion, start: CycleSolution):
     return _step_with(compressor, solver, motion, cycle_of)
 
 
-def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
-    """A step, with the cycle of a compressor at a speed by `cycle_of`."""
+def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of, crank_solution=None):
+    """A step, with the cycle of a compressor at a speed by `cycle_of`.
+
+    The crank's unknowns are not searched for where a `crank_solution` is given.
+    """
     rise = None
     if motion.rise is not None:
         rise = _KELVINS * motion.rise
@@ -335,28 +339,33 @@ def _step_with(compressor: Compressor, solver, motion: Motion, cycle_of):
         gas = replaced(machine.gas, interstage_pressure=jnp.exp(motion.between))
         machine = replaced(machine, gas=gas)
     cycle = cycle_of(machine, compressor.motor.speed_guess * jnp.exp(motion.level))
-    orbit = _orbit_under_pressure(machine, cycle, solver)
+    orbit, crank_solution = _orbit_under_pressure(machine, cycle, solver, crank_solution)
     new_rise = rise_after(compressor, _with_cycle(orbit, cycle), rise)
     even = motion.pace is None
     moved = _motion_after(compressor, cycle, orbit, even, new_rise)
     if motion.between is not None:
         moved = moved._replace(between=_between_after(cycle, motion.between))
-    return moved, (cycle, orbit)
+    return moved, (cycle, orbit, crank_solution)
 
 
 @_coupled.def_jvp
 def _coupled_jvp(primals, tangents):
     compressor, solver, even, followed = primals
     out = _coupled(compressor, solver, even, followed)
-    (cycle, _), motion, _ = out
+    (cycle, _), motion, _, crank_solution = out
     numbers, constants = eqx.partition(compressor, eqx.is_inexact_array)
 
     def step(numbers, motion):
         def cycle_of(machine, speed):
             return _followed_cycles(machine, speed, motion.pace, cycle)
 
-        new = _step_with(eqx.combine(numbers, constants), solver, motion, cycle_of)
-        return eqx.filter(new, eqx.is_inexact_array)
+        machine = eqx.combine(numbers, constants)
+        # the equations of the crank are linearised at its unknowns: a second search for them would be
+        # a twentieth of the program
+        moved, (followed_cycle, orbit, _) = _step_with(
+            machine, solver, motion, cycle_of, crank_solution
+        )
+        return eqx.filter((moved, (followed_cycle, orbit)), eqx.is_inexact_array)
 
     _, linear = jax.linearize(step, numbers, motion)
     tangent = jax.tree.map(lambda x, t: jnp.zeros_like(x) if t is None else t, numbers, tangents[0])
@@ -376,7 +385,8 @@ def _coupled_jvp(primals, tangents):
         transpose_solve=_mixed_solution,
     )
     solution_moved = jax.tree.map(jnp.add, solution_direct, by_motion(motion_moved)[1])
-    return out, (solution_moved, motion_moved, None)
+    without_slopes = jax.tree.map(lambda _: None, crank_solution)
+    return out, (solution_moved, motion_moved, None, without_slopes)
 
 
 def _mixed_solution(matvec, right_side):
@@ -417,9 +427,11 @@ def _phase_of_cycles(compressor: Compressor) -> Float[Array, " k"]:
     return phase_of_ends(compressor.gas, compressor.crankshaft.distinct_phase)
 
 
-def _orbit_under_pressure(compressor: Compressor, cycle: Cycle | SeveralCycles, solver) -> Orbit:
-    """The motion of the crank under the pressure of a cycle."""
-    return solver.solve(replaced(compressor, gas=cycle.gas()))
+def _orbit_under_pressure(
+    compressor: Compressor, cycle: Cycle | SeveralCycles, solver, solution=None
+) -> tuple[Orbit, CrankSolution | None]:
+    """The motion of the crank under the pressure of a cycle, with its unknowns (`Collocation.solved`)."""
+    return solver.solved(replaced(compressor, gas=cycle.gas()), solution)
 
 
 def _with_cycle(orbit: Orbit, cycle: Cycle | SeveralCycles) -> Orbit:

@@ -61,6 +61,10 @@ class _Brackets(NamedTuple):
     row: Int[Array, " k"]  # which quantity changes; -1 for a place not used
 
 
+# Unknowns of an orbit, with the load reversals at which its panels end, and how its search ended.
+CrankSolution = tuple[Motion, tuple[Reversals, FixedPointReport]]
+
+
 class OrbitProblem(AbstractFixedPoint):
     """The periodic motion as a fixed point, on panels that end at the load reversals."""
 
@@ -72,18 +76,20 @@ class OrbitProblem(AbstractFixedPoint):
     max_iterations: int = eqx.field(static=True)
     # whether places follow the motion in the last iterations; those of derivatives they follow always
     follow: bool = eqx.field(static=True, default=True)
+    # the solution where it has been found: derivatives want its equations, and no second search
+    solution: CrankSolution | None = None
 
     def step(self, parameters: OrbitParameters, data, unknowns: Motion) -> Motion:
         reversals, _ = data
         return improve(parameters, self.resolution, reversals, unknowns)[0]
 
-    def solve(
-        self, parameters: OrbitParameters
-    ) -> tuple[Motion, tuple[Reversals, FixedPointReport]]:
+    def solve(self, parameters: OrbitParameters) -> CrankSolution:
         """Solve on panels between the known kinks, place the reversals, solve and place again.
 
         Then solve with places that follow the motion, or stay. All rounds share one iteration.
         """
+        if self.solution is not None:
+            return frozen(self.solution)
         constants = frozen(parameters)
         motion = initial_motion(constants, self.resolution)
         places = motion.places

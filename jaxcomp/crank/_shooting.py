@@ -110,6 +110,10 @@ class Shooting(eqx.Module):
             status = Status.where(settled & unstable, Status.no_periodic_state, status)
         return self._orbit(compressor, unknowns, fixed, end, course, status, report)
 
+    def solved(self, compressor: Compressor, solution: None = None) -> tuple[Orbit, None]:
+        """The orbit; it keeps no unknowns that a later call could follow, see `Collocation.solved`."""
+        return self.solve(compressor), None
+
     def _prepared(self, machine: Compressor) -> "_Fixed":
         """Scales, stops and panels of a machine without derivatives."""
         edges = revolution_edges(kink_angles(machine))
