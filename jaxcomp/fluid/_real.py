@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
-from ._fluid import AbstractFluid, GasState, SmallSystem
+from ._fluid import AbstractFluid, GasState, SmallSystem, compiled
 from ._helmholtz import Saturation
 
 # Of the range of an equation of state, up to which it is extrapolated.
@@ -181,7 +181,7 @@ class AbstractRealGas(AbstractFluid):
     def boiling_density(self, T: Float[Array, ""]) -> Float[Array, ""]:
         """[kg/m^3] of the boiling liquid at a temperature `T` [K], to about 1 %."""
 
-    @eqx.filter_jit
+    @compiled
     def liquid(self, T: Float[Array, ""], p: Float[Array, ""]) -> GasState:
         """The liquid at a temperature `T` [K] and a pressure `p` [Pa], compressed above saturation.
 

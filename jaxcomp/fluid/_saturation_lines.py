@@ -74,7 +74,7 @@ def curve(coefficients, ends, T, tools=jnp):
         T: [K] of any shape.
         tools: `numpy` or `jax.numpy`.
     """
-    T = tools.clip(T, ends[0], ends[2])
+    T = tools.clip(tools.asarray(T), ends[0], ends[2])
     upper = ends[1] < T
     low = tools.where(upper, ends[1], ends[0])
     high = tools.where(upper, ends[2], ends[1])

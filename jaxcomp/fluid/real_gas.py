@@ -14,7 +14,7 @@ from .._core.extremes import clip, minimum
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
 from ._blends import blends
-from ._fluid import SmallSystem
+from ._fluid import SmallSystem, compiled
 from ._helmholtz import (
     Saturation,
     ancillary,
@@ -194,7 +194,7 @@ class RealGas(AbstractRealGas):
             self._require("T", T, Bound(*ends, high_open=True), "K, of liquid and vapour of")
         return self._saturation(T, p)
 
-    @eqx.filter_jit
+    @compiled
     def _saturation(self, T, p) -> Saturation:
         """Liquid and vapour in equilibrium.
 

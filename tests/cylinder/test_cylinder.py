@@ -23,11 +23,18 @@ from jaxcomp.cylinder import (
     DischargeLine,
     LaminarGap,
     SuctionLine,
+    _cylinder,
+    _gas_balance,
     solve_cycle,
 )
 from jaxcomp.fluid import PerfectGas, RealGas
 from jaxcomp.plot._cylinder import cylinder_figures
 from jaxcomp.valve import CheckValve, PlateValve, ReedBeam
+
+# parts of larger programs, each compiled once for machines of one structure
+prepare = eqx.filter_jit(_cylinder.prepare)
+initial = eqx.filter_jit(_gas_balance.initial)
+rates = eqx.filter_jit(_gas_balance.rates)
 
 SPEED = 2950 * 2 * np.pi / 60
 COLLOCATION = CycleOptions(nodes=10, panels=40)
@@ -390,8 +397,7 @@ def test_heat_and_leakage_that_are_absent_are_not_traced():
     )
 
     def operations(cylinder):
-        from jaxcomp.cylinder._cylinder import prepare
-        from jaxcomp.cylinder._gas_balance import initial, rates
+        from jaxcomp.cylinder._gas_balance import rates
 
         case = prepare(cylinder, mechanism(), SPEED)
         state, flags = initial(case, -1.5)
@@ -467,9 +473,6 @@ def test_extreme_machines_converge_or_say_why():
 
 def test_leakage_and_heat_switch_off_exactly():
     """A gap of zero is no leakage, to the last bit of the balance."""
-    from jaxcomp.cylinder._cylinder import prepare
-    from jaxcomp.cylinder._gas_balance import initial, rates
-
     base = golden("C")
     tight = eqx.tree_at(lambda c: c.leakage, base, None)
     closed = with_values(base, leakage__gap=0.0)
@@ -543,9 +546,8 @@ def _absent(leaf):
 
 def test_whether_a_valve_rests_is_decided_without_the_damping_of_its_impact():
     """A force that presses on the seat holds a valve that meets it, however fast it comes."""
-    from jaxcomp.cylinder._cylinder import prepare
     from jaxcomp.cylinder._events import after_event
-    from jaxcomp.cylinder._gas_balance import FREE, SEAT, initial, rates
+    from jaxcomp.cylinder._gas_balance import FREE, SEAT
 
     case = prepare(with_values(golden("D"), suction_valve__damping=50.0), mechanism(), SPEED)
     state, flags = initial(case, -1.5)  # compressed: the pressure presses the suction valve down
