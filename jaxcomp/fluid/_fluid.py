@@ -207,9 +207,13 @@ class AbstractFluid(Part):
             return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
 
         def solve(inputs):
-            def newton(_, unknowns):
+            def twice(unknowns):
+                # the value comes with the slopes: it is not worked out again
                 value = misfit(unknowns, inputs)
-                jacobian = jax.jacfwd(misfit)(unknowns, inputs)
+                return value, value
+
+            def newton(_, unknowns):
+                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
                 # a fifth in the logarithms at most: T and rho stay within what the terms can take
                 step = clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)

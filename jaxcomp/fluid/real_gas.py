@@ -241,9 +241,14 @@ class RealGas(AbstractRealGas):
             keys = ("liquid_density", "vapour_density")
             guess = [jnp.log(ancillary(data[key], jnp.exp(log_T))) for key in keys]
 
+            def twice(unknowns):
+                # the value comes with the slopes: it is not worked out again
+                value = misfit(unknowns, log_input)
+                return value, value
+
             def newton(_, unknowns):
-                jacobian = jax.jacfwd(misfit)(unknowns, log_input)
-                step = jnp.linalg.solve(jacobian, misfit(unknowns, log_input))
+                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
+                step = jnp.linalg.solve(jacobian, value)
                 return unknowns - clip(jnp.nan_to_num(step), -0.1, 0.1)
 
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))
