@@ -312,6 +312,7 @@ class Pulsation(Result, eqx.Module):
         return max_of(jnp.stack(shares))
 
     @property
+    @eqx.filter_jit
     def largest(self) -> Float[Array, ""]:
         """[-] Peak to peak at the flanges over the pressure of the line, the largest."""
         sizes = []
@@ -326,6 +327,7 @@ class Pulsation(Result, eqx.Module):
         return _ERROR * self.largest**2
 
     @property
+    @eqx.filter_jit  # one program instead of a hundred
     def mach(self) -> Float[Array, ""]:
         """[-] Largest Mach number of the mean flow in any pipe."""
         numbers = []

@@ -11,7 +11,7 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import Bound, is_traced
+from .._core.fields import Bound, is_any_traced, is_traced
 from .._core.roots import root
 from ._fluid import AbstractFluid, GasState, SmallSystem, compiled
 from ._helmholtz import Saturation
@@ -60,6 +60,20 @@ class AbstractRealGas(AbstractFluid):
     @abstractmethod
     def highest_pressure(self) -> float:
         """[Pa] Up to which the equation of state holds."""
+
+    def state(self, T, rho):
+        if is_any_traced(self, T, rho):
+            return self._state(T, rho)
+        return self._state_of_known(T, rho)
+
+    @compiled
+    def _state_of_known(self, T, rho) -> GasState:
+        """The state outside of programs: one program instead of one for each of a hundred operations."""
+        return self._state(T, rho)
+
+    @abstractmethod
+    def _state(self, T, rho) -> GasState:
+        """The state, as a part of programs."""
 
     def is_beyond_range(self, T, p):
         _, highest = self.temperature_range

@@ -301,7 +301,7 @@ class Mixture(AbstractRealGas):
         return highest
 
     # ------------------------------------------------------------------- states
-    def state(self, T, rho):
+    def _state(self, T, rho):
         table = self.table
         x = self._amounts
         mass = x @ table.molar_mass

@@ -138,7 +138,7 @@ class RealGas(AbstractRealGas):
             raise BadInput("reference", '"mean"', bound)
         return T
 
-    def state(self, T, rho):
+    def _state(self, T, rho):
         data = self.data
         R = data["gas_constant"]
         tau = data["T_r"] / T

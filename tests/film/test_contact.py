@@ -14,21 +14,17 @@ from jaxcomp import BadInput, JournalBearing, load
 from jaxcomp.film import (
     AsperityContact,
     Reynolds,
-    _bearing,
     _running,
     minimum_film,
     operating_point,
     stribeck_curve,
 )
-from jaxcomp.film._bearing import ring_contact
+from jaxcomp.film._bearing import contact_moment, friction_moment, ring_contact
 from jaxcomp.film._contact import elastic_factor, mean_excess, mean_excess_halves
 from jaxcomp.film._running import running_state
 from jaxcomp.scene import SceneError, with_value
 from jaxcomp.scene._units import to_si
 
-# each compiled once for all bearings of one structure
-contact_moment = jax.jit(_bearing.contact_moment)
-friction_moment = jax.jit(_bearing.friction_moment)
 stiffness_damping = jax.jit(_running.stiffness_damping)
 
 ROUGH = AsperityContact(0.3e-6, 0.1, 60e9)

@@ -17,29 +17,22 @@ from jaxcomp.film import (
     Ocvirk,
     Petroff,
     Reynolds,
-    _bearing,
-    _film,
-    _running,
+    dynamic_coefficients,
     iso_vg_viscosity,
+    minimum_film,
 )
-from jaxcomp.film._bearing import entrainment_speed, prepare
-from jaxcomp.film._film import convert_load_number
-
-# each compiled once for all films or bearings of one model
-film_ratio = jax.jit(_film.film_ratio)
-film_state = jax.jit(_film.film_state)
-friction_at = jax.jit(_film.friction_at)
-load_number_at = jax.jit(_film.load_number_at)
-coefficients_per_load = jax.jit(_film.coefficients_per_load)
-dynamic_coefficients = jax.jit(_film.dynamic_coefficients)
-stability_threshold = jax.jit(_film.stability_threshold)
-load_number = jax.jit(_bearing.load_number)
-friction_moment = jax.jit(_bearing.friction_moment)
-bush_moment = jax.jit(_running.bush_moment)
-eccentricity_ratio = jax.jit(_running.eccentricity_ratio)
-minimum_film = jax.jit(_running.minimum_film)
-running_state = jax.jit(_running.running_state)
-stiffness_damping = jax.jit(_running.stiffness_damping)
+from jaxcomp.film._bearing import entrainment_speed, friction_moment, load_number, prepare
+from jaxcomp.film._film import (
+    _forces,
+    coefficients_per_load,
+    convert_load_number,
+    film_ratio,
+    film_state,
+    friction_at,
+    load_number_at,
+    stability_threshold,
+)
+from jaxcomp.film._running import bush_moment, eccentricity_ratio, running_state, stiffness_damping
 
 ALL = [Reynolds, GroovedReynolds, Guembel, Ocvirk, ExplicitFit]
 SOLVED = [Reynolds, GroovedReynolds, Guembel, Ocvirk]
@@ -56,10 +49,9 @@ SIZES = {
 BEARING = JournalBearing(**SIZES)
 
 
-@jax.jit
 def film_forces(film, eps):
     """F_r and F_t on the journal, over eta omega L D/psi^2."""
-    return _film._forces(film, eps / (1 - eps))
+    return _forces(film, eps / (1 - eps))
 
 
 def over(function, *values):
@@ -277,11 +269,11 @@ def test_tangential_terms_follow_from_turning_the_line_of_centres(model):
 
     place = float(eps) * np.array([np.cos(phi), np.sin(phi)])
     still = np.zeros(2)
-    force_at, (by_place, by_velocity) = jax.jit(
+    force_there, (by_place, by_velocity) = jax.jit(
         lambda *at: (force(*at), jax.jacfwd(force, (0, 1))(*at))
     )(place, still)
     # the film carries the load, which points along x
-    np.testing.assert_allclose(force_at, [-load, 0.0], atol=1e-12)
+    np.testing.assert_allclose(force_there, [-load, 0.0], atol=1e-12)
     stiffness, damping = dynamic_coefficients(film, load)
     np.testing.assert_allclose(stiffness, -by_place, atol=1e-11)
     across = np.array([-np.sin(phi), np.cos(phi)])
