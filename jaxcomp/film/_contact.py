@@ -212,6 +212,7 @@ class MixedFilm(AbstractSolvedFilm):
         return jnp.where(touches, film_ratio * self.film.load_gain(film_ratio), load_number)
 
     def friction_number_at(self, film_ratio, load_number):
+        # Film and contact have one position: that of the film alone under its share is the same.
         carried = self.film_number(film_ratio, load_number)
         return self.film.friction_number_at(film_ratio, carried) + self.rubbing(film_ratio)
 

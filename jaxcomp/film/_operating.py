@@ -221,8 +221,9 @@ def operating_point(
     # A steady speed above zero needs no smoothing through rest: rest speeds are zero.
     load = jnp.asarray(load, float)
     speed = jnp.asarray(speed, float)
-    bearing, film = prepare(bearing)
-    film = film_at(PreparedBearing(bearing, film), speed, 0.0)
+    bearing, alone = prepare(bearing)
+    # with the contact beside it, if there is one
+    film = film_at(PreparedBearing(bearing, alone), speed, 0.0)
     gap = bearing.radial_clearance
     number = load_number(bearing, load, speed, rest_speed=0.0)
     unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio

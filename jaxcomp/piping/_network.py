@@ -7,7 +7,7 @@ are one array, so that the program does not grow with the network.
 
 from functools import partial
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -139,7 +139,7 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     for orifice in piping.orifices:
         first, second = orifice.nodes
         orifice_ends.append((at[first], at[second]))
-    laws = _orifice_laws(piping, gas, usual_flow, pipe_ends, orifice_ends, diameter)
+    resistance, square = _orifice_laws(piping, gas, usual_flow, pipe_ends, orifice_ends, diameter)
     fixed = []
     anechoic = []
     for name in nodes:
@@ -159,26 +159,29 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         roughness=jnp.asarray(column("roughness")),
         attenuation=jnp.asarray(column("attenuation")),
         volume=_stacked(volumes, tools),
-        resistance=_stacked([law.resistance for law in laws], tools),
-        square=_stacked([law.square for law in laws], tools),
+        resistance=_stacked(resistance, tools),
+        square=_stacked(square, tools),
     )
-
-
-class _OrificeLaw(NamedTuple):
-    """Resistance [Pa s/kg] and factor of the square law [Pa s^2/kg^2] of an orifice."""
-
-    resistance: Any
-    square: Any
 
 
 def _orifice_laws(
     piping: Piping, gas: PipeGas, usual_flow, pipe_ends, orifice_ends, diameter
-) -> list[_OrificeLaw]:
-    """Laws of all orifices about a usual flow, with the nodes of pipes and orifices by number."""
-    laws = []
+) -> tuple[list, list]:
+    """Resistances [Pa s/kg] and factors of square laws [Pa s^2/kg^2] of all orifices.
+
+    Args:
+        piping: its elements.
+        gas: in it, for its density.
+        usual_flow: [kg/s] about which square laws are written.
+        pipe_ends, orifice_ends: numbers of the nodes of each pipe and orifice.
+        diameter: [m] of the pipes.
+    """
+    resistances = []
+    squares = []
     for orifice, ends in zip(piping.orifices, orifice_ends, strict=True):
         if orifice.is_linear:
-            laws.append(_OrificeLaw(orifice.resistance, np.zeros(())))
+            resistances.append(orifice.resistance)
+            squares.append(np.zeros(()))
             continue
         # without a pipe beside it a hole counts as in a vessel
         pipe_diameter = 1e3 * orifice.diameter
@@ -188,8 +191,9 @@ def _orifice_laws(
         coefficient = orifice.coefficient(gas.density, pipe_diameter)
         # the slope of c q |q| at the usual flow: by it, and not by the chord, a pulsation is damped that
         # is small beside the mean
-        laws.append(_OrificeLaw(2 * coefficient * usual_flow, coefficient))
-    return laws
+        resistances.append(2 * coefficient * usual_flow)
+        squares.append(coefficient)
+    return resistances, squares
 
 
 def _adjacent_pipes(pipe_ends, nodes: tuple[int, int]) -> list[int]:
