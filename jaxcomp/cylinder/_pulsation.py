@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import ClassVar
+from itertools import pairwise
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from .._core.declared import Record, computed, reading, word
 from .._core.errors import BadInput
 from .._core.extremes import max_of, maximum, min_of
-from .._core.fields import is_traced
+from .._core.fields import is_any_traced
 from .._core.results import Data, Result
 from .._core.status import Status
 from ..piping import Run, Vessel, flange_limit, line_limit, line_limit_of_approach_1
@@ -89,6 +90,7 @@ class Pulsation(Result, eqx.Module):
         """Name of a node, with its line where both are networks."""
         return f"{LINES[side]}.{node}" if len(self.flows) > 1 else node
 
+    @eqx.filter_jit  # one program instead of a hundred and fifty
     def series(self) -> dict[str, Float[Array, " h"]]:
         """Series [Pa] of the pressure at every node, beyond that of its line: mean, cosines, sines."""
         series = {}
@@ -115,15 +117,24 @@ class Pulsation(Result, eqx.Module):
         Raises:
             BadInput: no pipe from one to the other, or a place beyond its end.
         """
-        side, line, flows, number, is_turned = self._pipe(begin, end)
+        place = self._pipe(begin, end)
+        length = place.length
+        is_known = not is_any_traced(distance, length)
+        if is_known and not 0 <= float(distance) <= float(length) * (1 + 1e-12):
+            bound = f">= 0 and <= {float(length):.6g} m, the pipe's"
+            raise BadInput("distance", float(distance), bound)
+        before_end = length - jnp.asarray(distance, float)
+        if place.is_turned:
+            before_end = jnp.asarray(distance, float)
+        return self._series_before_end(place.line, place.number, before_end)
+
+    @eqx.filter_jit
+    def _series_before_end(self, number_of_line: int, number: int, before_end):
+        """Series [Pa] at a place of a pipe, by its distance [m] from the end of the pipe."""
+        side, line, flows = self.lines[number_of_line]
         waves = self._waves_of_side(side)
         network, gas, steady, dynamic = line.responses(waves)
         length = network.length[number]
-        if not is_traced(distance) and not 0 <= float(distance) <= float(length) * (1 + 1e-12):
-            raise BadInput(
-                "distance", float(distance), f">= 0 and <= {float(length):.6g} m, the pipe's"
-            )
-        before_end = distance if is_turned else length - distance
         mean, amplitudes = line.ports(waves, flows)
         drag = line.drag(network, gas, waves.friction)
         # from the end of the pipe back to the place, by the transfer of the piece between: nothing
@@ -145,16 +156,19 @@ class Pulsation(Result, eqx.Module):
         waves_there = jax.vmap(of_harmonic)(orders, dynamic, amplitudes)
         return series_of(pressure(steady_transfers(cut, gas, cut_drag), steady, mean), waves_there)
 
-    def _pipe(self, begin: str, end: str) -> tuple[int, Line, Observed, int, bool]:
-        """Line of a pipe, with its flows, number of the pipe, and whether it runs the other way."""
+    def _pipe(self, begin: str, end: str) -> "_Pipe":
+        """Place of a pipe among those of all lines."""
         pipes = []
-        for side, line, flows in self.lines:
-            network = line.network(line.gas(self._waves_of_side(side).temperature))
-            for number, pair in enumerate(network.pipe_ends):
-                names = tuple(self._name(side, network.nodes[node]) for node in pair)
-                pipes.append("-".join(names))
-                if names in ((begin, end), (end, begin)):
-                    return side, line, flows, number, names != (begin, end)
+        for number_of_line, (side, line, _) in enumerate(self.lines):
+            number = 0
+            for duct in line.piping.ducts:
+                for gap, pair in enumerate(pairwise(duct.nodes)):
+                    names = tuple(self._name(side, node) for node in pair)
+                    pipes.append("-".join(names))
+                    if names in ((begin, end), (end, begin)):
+                        is_turned = names != (begin, end)
+                        return _Pipe(number_of_line, number + gap, duct.length[gap], is_turned)
+                number += len(duct.nodes) - 1
         raise BadInput("pipe", f"{begin}-{end}", "one of " + ", ".join(pipes))
 
     def _waves_of_side(self, side: int) -> SideWaves:
@@ -298,6 +312,7 @@ class Pulsation(Result, eqx.Module):
         return max_of(jnp.stack(shares))
 
     @property
+    @eqx.filter_jit
     def largest(self) -> Float[Array, ""]:
         """[-] Peak to peak at the flanges over the pressure of the line, the largest."""
         sizes = []
@@ -312,6 +327,7 @@ class Pulsation(Result, eqx.Module):
         return _ERROR * self.largest**2
 
     @property
+    @eqx.filter_jit  # one program instead of a hundred
     def mach(self) -> Float[Array, ""]:
         """[-] Largest Mach number of the mean flow in any pipe."""
         numbers = []
@@ -394,6 +410,22 @@ class Pulsation(Result, eqx.Module):
         yield from self.data_of("margin")
         yield from self.members_of("shaking_forces", "mean_drops")
         yield from self.data_of("resolution", "linear_error")
+
+
+class _Pipe(NamedTuple):
+    """Place of a pipe.
+
+    Attributes:
+        line: number of its line among those that are networks.
+        number: of the pipe in the network.
+        length: [m]
+        is_turned: whether it runs the other way.
+    """
+
+    line: int
+    number: int
+    length: Float[Array, ""]
+    is_turned: bool
 
 
 def _waves_of(series: Float[Array, " h"]) -> tuple[Float[Array, " n"], Float[Array, " n"]]:

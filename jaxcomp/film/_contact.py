@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from .._core.extremes import clip, maximum
 from .._core.fields import NONNEGATIVE, POSITIVE, Part, quantity
 from .._core.roots import AbstractRoot, root
-from ._film import AbstractSolvedFilm, Pair, Scalar, film_ratio, sense
+from ._film import AbstractSolvedFilm, Pair, Scalar, sense
 from ._squeeze import AbstractSqueeze, slopes_along
 
 # [-] Of thickness over roughness: surfaces that are further apart do not touch (F_3 is 1e-18 there).
@@ -211,9 +211,10 @@ class MixedFilm(AbstractSolvedFilm):
         touches = self.contact_number(film_ratio) > 0
         return jnp.where(touches, film_ratio * self.film.load_gain(film_ratio), load_number)
 
-    def friction_number(self, load_number):
-        x = film_ratio(self, load_number)
-        return self.film.friction_number(self.film_number(x, load_number)) + self.rubbing(x)
+    def friction_number_at(self, film_ratio, load_number):
+        # Film and contact have one position: that of the film alone under its share is the same.
+        carried = self.film_number(film_ratio, load_number)
+        return self.film.friction_number_at(film_ratio, carried) + self.rubbing(film_ratio)
 
     def log_compliance(self, load_number):
         return root(_MixedCompliance(self, load_number))

@@ -93,7 +93,12 @@ class AbstractSolvedFilm(AbstractCarryingFilm):
 
     def friction_number(self, load_number: Scalar) -> Scalar:
         """[-] Phi_T, see `friction_at`."""
-        return friction_at(self, film_ratio(self, load_number))
+        return self.friction_number_at(film_ratio(self, load_number), load_number)
+
+    def friction_number_at(self, film_ratio: Scalar, load_number: Scalar) -> Scalar:
+        """[-] Phi_T under a load whose position is known, and not sought again."""
+        del load_number
+        return friction_at(self, film_ratio)
 
 
 class FilmState(NamedTuple):
@@ -159,7 +164,11 @@ def film_ratio_of(eccentricity_ratio: Scalar) -> Scalar:
 
 def film_state(film: AbstractSolvedFilm, load_number: Scalar) -> FilmState:
     """Steady running position under a load number Phi_p [-], not negative."""
-    x = film_ratio(film, load_number)
+    return film_state_at(film, film_ratio(film, load_number))
+
+
+def film_state_at(film: AbstractSolvedFilm, x: Scalar) -> FilmState:
+    """Steady running position at a film ratio [-]."""
     return FilmState(x / (1 + x), 1 / (1 + x), film.attitude_angle(x), friction_at(film, x))
 
 
@@ -203,7 +212,11 @@ def dynamic_coefficients(film: AbstractSolvedFilm, load_number: Scalar) -> Dynam
         [-] K c psi^2/(eta omega L D) and C c psi^2/(eta L D), x along the load, y 90 degrees ahead
         with rotation. They are Phi_p times c K/W and c omega C/W.
     """
-    x = film_ratio(film, load_number)
+    return dynamic_coefficients_at(film, film_ratio(film, load_number))
+
+
+def dynamic_coefficients_at(film: AbstractSolvedFilm, x: Scalar) -> DynamicCoefficients:
+    """Those of `dynamic_coefficients` at a film ratio [-]."""
     phi = film.attitude_angle(x)
     # Phi_p/eps, as x = eps (1 + x).
     load_per_eps = (1 + x) * film.load_gain(x)
@@ -269,7 +282,12 @@ def stability_threshold(film: AbstractSolvedFilm, load_number: Scalar) -> Stabil
     Returns:
         `StabilityThreshold`; a rotor of less mass is stable.
     """
-    k, c = coefficients_per_load(film, load_number)
+    return threshold_of(coefficients_per_load(film, load_number))
+
+
+def threshold_of(per_load: DynamicCoefficients) -> StabilityThreshold:
+    """The threshold by coefficients over W/c and W/(c omega), see `stability_threshold`."""
+    k, c = per_load
     cross = k[0, 0] * c[1, 1] + k[1, 1] * c[0, 0] - k[0, 1] * c[1, 0] - k[1, 0] * c[0, 1]
     kappa = cross / (c[0, 0] + c[1, 1])
     shifted = k - kappa * jnp.eye(2)

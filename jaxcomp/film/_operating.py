@@ -15,24 +15,26 @@ from .._core.results import Data, Result
 from ._bearing import (
     BearingSizes,
     JournalBearing,
-    contact_moment,
+    PreparedBearing,
     film_at,
-    friction_moment,
+    film_unit,
     load_number,
     prepare,
-    ring_contact,
     sizes_of,
 )
+from ._contact import MixedFilm
 from ._film import (
     AbstractCarryingFilm,
     AbstractSolvedFilm,
-    coefficients_per_load,
+    DynamicCoefficients,
+    dynamic_coefficients_at,
     film_ratio,
-    film_state,
-    stability_threshold,
+    film_state_at,
+    split,
+    threshold_of,
 )
 from ._reference import reference_solution
-from ._running import bush_moment, stiffness_damping
+from ._running import bush_moment_at, in_fixed_axes
 from .grooved_reynolds import GroovedReynolds
 from .guembel import Guembel
 from .ocvirk import Ocvirk
@@ -216,46 +218,69 @@ def operating_point(
         load: [N] on the journal, >= 0.
         speed: [rad/s] of the journal, > 0.
     """
-    # A steady speed above zero needs no smoothing through rest.
-    unsmoothed = {"rest_speed": 0.0}
+    # A steady speed above zero needs no smoothing through rest: rest speeds are zero.
     load = jnp.asarray(load, float)
     speed = jnp.asarray(speed, float)
-    part = prepare(bearing)
-    film = film_at(part, speed, 0.0)
-    gap = part.bearing.radial_clearance
-    number = load_number(part, load, speed, **unsmoothed)
+    bearing, alone = prepare(bearing)
+    # with the contact beside it, if there is one
+    film = film_at(PreparedBearing(bearing, alone), speed, 0.0)
+    gap = bearing.radial_clearance
+    number = load_number(bearing, load, speed, rest_speed=0.0)
+    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
     entries: dict[str, Any] = {}
+    # The position is sought once: each search for it is a large part of the program.
+    x = None
     if isinstance(film, AbstractCarryingFilm):
         x = film_ratio(film, number)
         entries |= {"eccentricity_ratio": x / (1 + x), "minimum_film": gap / (1 + x)}
-    contact = ring_contact(part.bearing)
-    if contact is not None:
-        entries["contact_load"] = contact.forces(entries["eccentricity_ratio"])[0]
-        entries["contact_torque"] = contact_moment(part, load, speed, **unsmoothed)
+    if isinstance(film, MixedFilm):
+        entries["contact_load"] = film.contact.forces(entries["eccentricity_ratio"])[0]
+        entries["contact_torque"] = unit * speed * film.rubbing(x)
     if isinstance(film, AbstractSolvedFilm):
-        # The load along X makes the axes of stiffness and damping those of `_FRAME`.
-        stiffness, damping = stiffness_damping(
-            part, jnp.stack([load, 0.0 * load]), speed, **unsmoothed
-        )
-        per_load = coefficients_per_load(film, number)
-        threshold = stability_threshold(film, number)
-        entries |= {
-            "attitude_angle": film_state(film, number).attitude_angle,
-            "bush_torque": bush_moment(part, load, speed, **unsmoothed),
-            "stiffness": stiffness,
-            "damping": damping,
-            "dimensionless_stiffness": per_load.stiffness,
-            "dimensionless_damping": per_load.damping,
-            "critical_mass": threshold.critical_mass * load / (gap * speed**2),
-            "whirl_ratio": threshold.whirl_ratio,
-        }
+        phi_t = film.friction_number_at(x, number)
+        entries |= _carried(bearing, film, x, number, load, speed)
+    else:
+        phi_t = film.friction_number(number)
     return OperatingPoint(
         phi_p=number,
         sommerfeld_number=1 / (2 * jnp.pi * number),
-        phi_t=film.friction_number(number),
-        friction_torque=friction_moment(part, load, speed, **unsmoothed),
+        phi_t=phi_t,
+        friction_torque=unit * speed * phi_t,
         **entries,
     )
+
+
+def _carried(
+    bearing: JournalBearing, film: AbstractSolvedFilm, x, number, load, speed
+) -> dict[str, Any]:
+    """Entries of an operating point that follow from the direction of the film's force.
+
+    Args:
+        bearing: with its film model.
+        film: that model, with the contact beside it.
+        x: [-] film ratio.
+        number: [-] load number.
+        load: [N] on the journal.
+        speed: [rad/s] of the journal.
+    """
+    state = film_state_at(film, x)
+    coefficients = dynamic_coefficients_at(film, x)
+    # The load along X makes the axes of stiffness and damping those of `_FRAME`.
+    _, along = split(jnp.stack([load, 0.0 * load]))
+    stiffness, damping = in_fixed_axes(bearing, coefficients, along, speed, 0.0)
+    per_load = DynamicCoefficients(coefficients.stiffness / number, coefficients.damping / number)
+    threshold = threshold_of(per_load)
+    critical_mass = threshold.critical_mass * load / (bearing.radial_clearance * speed**2)
+    return {
+        "attitude_angle": state.attitude_angle,
+        "bush_torque": bush_moment_at(bearing, state, load, speed, 0.0),
+        "stiffness": stiffness,
+        "damping": damping,
+        "dimensionless_stiffness": per_load.stiffness,
+        "dimensionless_damping": per_load.damping,
+        "critical_mass": critical_mass,
+        "whirl_ratio": threshold.whirl_ratio,
+    }
 
 
 _operating_point = eqx.filter_jit(operating_point)

@@ -32,8 +32,14 @@ def bush_moment(bearing: Bearing, load: Scalar, speed: Scalar, *, rest_speed=RES
     Returns:
         [N m] Along the speed; smaller in magnitude than the moment on the journal.
     """
-    bearing, film = _solved(bearing, speed, rest_speed)
-    state = film_state(film, load_number(bearing, load, speed, rest_speed=rest_speed))
+    state = running_state(bearing, load, speed, rest_speed=rest_speed)
+    return bush_moment_at(prepare(bearing).bearing, state, load, speed, rest_speed)
+
+
+def bush_moment_at(
+    bearing: JournalBearing, state: FilmState, load: Scalar, speed: Scalar, rest_speed: float
+) -> Scalar:
+    """The moment of `bush_moment` at a known position."""
     offset = bearing.radial_clearance * state.eccentricity_ratio * jnp.sin(state.attitude_angle)
     # The attitude angle counts with the rotation, so that the couple W e sin(phi) has its sign.
     turn = speed / smooth_speed(speed, rest_speed)
@@ -116,9 +122,29 @@ def stiffness_damping(
         raise ValueError(f"`load_vector` must have shape (2,), but has shape {load_vector.shape}.")
     bearing, film = _solved(bearing, speed, rest_speed)
     load, along = split(load_vector)
-    stiffness, damping = dynamic_coefficients(
+    coefficients = dynamic_coefficients(
         film, load_number(bearing, load, speed, rest_speed=rest_speed)
     )
+    return in_fixed_axes(bearing, coefficients, along, speed, rest_speed)
+
+
+def in_fixed_axes(
+    bearing: JournalBearing,
+    coefficients: DynamicCoefficients,
+    along: Float[Array, " 2"],
+    speed: Scalar,
+    rest_speed: float,
+) -> DynamicCoefficients:
+    """Stiffness [N/m] and damping [N s/m] over fixed axes (X, Y).
+
+    Args:
+        bearing: Bearing.
+        coefficients: [-] in the axes of the load, see `dynamic_coefficients`.
+        along: [-] direction of the load.
+        speed: [rad/s] Journal speed, positive from X to Y.
+        rest_speed: [rad/s] Speed below which the load number is held.
+    """
+    stiffness, damping = coefficients
     # Running the other way is the mirror image: y is 90 degrees ahead with rotation, so that the
     # entries that couple x and y change sign.
     pace = smooth_speed(speed, rest_speed)

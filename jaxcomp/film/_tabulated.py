@@ -255,6 +255,10 @@ class AbstractTabulatedFilm(AbstractSolvedFilm):
         polynomial = chebyshev_sum(self.friction, 2 * u - 1)
         return jnp.pi * root * jnp.exp((1 - u) * ((1 - u) * polynomial - 2))
 
+    def friction_number_at(self, film_ratio, load_number):
+        # a fit over the load, which needs no position
+        return self.friction_number(load_number)
+
 
 def place_of(table: dict, ln_q: Scalar) -> Place:
     """Coordinate in s of a table at one L/D."""

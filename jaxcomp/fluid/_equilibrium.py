@@ -65,6 +65,8 @@ class PhaseModel:
         self._second = np.array(second_places)
         self._factor = np.array(factors)
         self._is_pair = self._second < count
+        # (pairs, n) from the slopes of pairs to those of their components
+        self._of_first, self._of_second = np.eye(count)[model.pairs]
         rows = np.array([place[key] for key in keys])
         # sorted, so that a group is a run of rows: a product with a matrix of ones took most of the time
         self._order = np.argsort(rows, kind="stable")
@@ -86,10 +88,7 @@ class PhaseModel:
                 2 * mean * second * (total + first) / denominator - shape * term / denominator
             )
             by_second = 2 * mean * first * (total + second) / denominator - term / denominator
-            gradient = 2 * x * pure
-            for pair in range(i.size):
-                gradient[:, i[pair]] += by_first[:, pair]
-                gradient[:, j[pair]] += by_second[:, pair]
+            gradient = 2 * x * pure + by_first @ self._of_first + by_second @ self._of_second
             return value, gradient
 
         T_r, T_slope = mixed(model.T_r, model.shape_T, model.mean_T)

@@ -5,19 +5,45 @@ entropy as inputs are inverted by Newton's method where a calculation is set up,
 Derivatives of any order follow from the implicit function theorem.
 """
 
+import functools
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from .._core.extremes import clip, maximum
 from .._core.fields import Part
 from .._core.roots import AbstractRoot, root
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def compiled(method: Callable[_P, _R]) -> Callable[_P, _R]:
+    """`equinox.filter_jit` of a method, where a number of Python is an argument like an array.
+
+    `filter_jit` takes it for a part of the program: each temperature would be a program of its own.
+    """
+    program: Any = eqx.filter_jit(method)
+
+    @functools.wraps(method)
+    def call(*positional: _P.args, **keywords: _P.kwargs) -> _R:
+        numbers = {name: _as_argument(value) for name, value in keywords.items()}
+        return program(*map(_as_argument, positional), **numbers)
+
+    return call
+
+
+def _as_argument(value: Any) -> Any:
+    if isinstance(value, float | int):
+        return np.float64(value)
+    return value
 
 
 class GasState(NamedTuple):
@@ -112,7 +138,7 @@ class AbstractFluid(Part):
         del T
         return rho < 0
 
-    @eqx.filter_jit
+    @compiled
     def density(self, T: Float[Array, ""], p: Float[Array, ""]) -> Float[Array, ""]:
         """Density [kg/m^3] of the gas at a temperature `T` [K] and a pressure `p` [Pa].
 
@@ -161,12 +187,12 @@ class AbstractFluid(Part):
 
         return root(SmallSystem(misfit, solve, (self, T, p)))
 
-    @eqx.filter_jit
+    @compiled
     def at_entropy(self, p: Float[Array, ""], s: Float[Array, ""], start: GasState) -> GasState:
         """The gas at a pressure `p` [Pa] and an entropy `s` [J/(kg K)], sought from a state `start`."""
         return self._at(lambda state: state.s, p, s, start)
 
-    @eqx.filter_jit
+    @compiled
     def at_enthalpy(self, p: Float[Array, ""], h: Float[Array, ""], start: GasState) -> GasState:
         """The gas at a pressure `p` [Pa] and an enthalpy `h` [J/kg], sought from a state `start`."""
         return self._at(lambda state: state.h, p, h, start)
@@ -181,9 +207,13 @@ class AbstractFluid(Part):
             return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
 
         def solve(inputs):
-            def newton(_, unknowns):
+            def twice(unknowns):
+                # the value comes with the slopes: it is not worked out again
                 value = misfit(unknowns, inputs)
-                jacobian = jax.jacfwd(misfit)(unknowns, inputs)
+                return value, value
+
+            def newton(_, unknowns):
+                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
                 # a fifth in the logarithms at most: T and rho stay within what the terms can take
                 step = clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)

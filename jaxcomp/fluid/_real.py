@@ -11,9 +11,9 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from .._core.errors import BadInput
-from .._core.fields import Bound, is_traced
+from .._core.fields import Bound, is_any_traced, is_traced
 from .._core.roots import root
-from ._fluid import AbstractFluid, GasState, SmallSystem
+from ._fluid import AbstractFluid, GasState, SmallSystem, compiled
 from ._helmholtz import Saturation
 
 # Of the range of an equation of state, up to which it is extrapolated.
@@ -60,6 +60,20 @@ class AbstractRealGas(AbstractFluid):
     @abstractmethod
     def highest_pressure(self) -> float:
         """[Pa] Up to which the equation of state holds."""
+
+    def state(self, T, rho):
+        if is_any_traced(self, T, rho):
+            return self._state(T, rho)
+        return self._state_of_known(T, rho)
+
+    @compiled
+    def _state_of_known(self, T, rho) -> GasState:
+        """The state outside of programs: one program instead of one for each of a hundred operations."""
+        return self._state(T, rho)
+
+    @abstractmethod
+    def _state(self, T, rho) -> GasState:
+        """The state, as a part of programs."""
 
     def is_beyond_range(self, T, p):
         _, highest = self.temperature_range
@@ -181,7 +195,7 @@ class AbstractRealGas(AbstractFluid):
     def boiling_density(self, T: Float[Array, ""]) -> Float[Array, ""]:
         """[kg/m^3] of the boiling liquid at a temperature `T` [K], to about 1 %."""
 
-    @eqx.filter_jit
+    @compiled
     def liquid(self, T: Float[Array, ""], p: Float[Array, ""]) -> GasState:
         """The liquid at a temperature `T` [K] and a pressure `p` [Pa], compressed above saturation.
 

@@ -14,6 +14,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float
 
 from ._equilibrium import (
@@ -36,6 +37,7 @@ _END = 0.985
 _ROUND = 0.04
 _LEAST_ROUND = 0.01
 _FEWEST = 5  # points on the way along a line; fewer tell nothing of its end
+_STEPS = 4
 _SAMPLES = 48  # of the table in which a temperature is first looked up by its pressure
 
 DEW_PRESSURE, BUBBLE_PRESSURE, DEW_DENSITY, BUBBLE_DENSITY = range(4)
@@ -74,7 +76,7 @@ def curve(coefficients, ends, T, tools=jnp):
         T: [K] of any shape.
         tools: `numpy` or `jax.numpy`.
     """
-    T = tools.clip(T, ends[0], ends[2])
+    T = tools.clip(tools.asarray(T), ends[0], ends[2])
     upper = ends[1] < T
     low = tools.where(upper, ends[1], ends[0])
     high = tools.where(upper, ends[2], ends[1])
@@ -100,10 +102,17 @@ def temperature_of(coefficients, ends, logarithm, tools=jnp):
     samples = 1 / tools.linspace(1 / ends[0], 1 / ends[2], _SAMPLES)
     values, _ = curve(coefficients, ends, samples, tools)
     T = tools.interp(logarithm, values, samples)
-    # from a straight line between samples four steps reach rounding
-    for _ in range(4):
+
+    def step(_, T):
         value, slope = curve(coefficients, ends, T, tools)
-        T = tools.clip(T - (value - logarithm) / slope, ends[0], ends[2])
+        return tools.clip(T - (value - logarithm) / slope, ends[0], ends[2])
+
+    # from a straight line between samples four steps reach rounding
+    if tools is jnp:
+        # a loop, as a step has a hundred sums and products of terms
+        return lax.fori_loop(0, _STEPS, step, T)
+    for number in range(_STEPS):
+        T = step(number, T)
     return T
 
 

@@ -17,7 +17,7 @@ from .._core.roots import root
 from ._blends import SYNONYMS, Blend, blend, blends, component_name, stored_lines
 from ._dew_curve import SAMPLES, DewCurve, solve_dew_curve
 from ._expanded import evaporator
-from ._fluid import SmallSystem
+from ._fluid import SmallSystem, compiled
 from ._helmholtz import Saturation, fluid_data, fluids, ideal_terms
 from ._multi_fluid import (
     GERG,
@@ -301,7 +301,7 @@ class Mixture(AbstractRealGas):
         return highest
 
     # ------------------------------------------------------------------- states
-    def state(self, T, rho):
+    def _state(self, T, rho):
         table = self.table
         x = self._amounts
         mass = x @ table.molar_mass
@@ -439,21 +439,7 @@ class Mixture(AbstractRealGas):
         coefficients, ends, tools = self._curve(which, p)
         if tools is np:
             return temperature_of(coefficients, ends, np.log(p), np)
-
-        def misfit(T, inputs):
-            coefficients, ends, logarithm = inputs
-            # linear beyond the ends, where the curve itself stays level and has no inverse
-            value, slope = curve(coefficients, jax.lax.stop_gradient(ends), T)
-            inside = clip(T, ends[0], ends[2])
-            return value + slope * (T - inside) - logarithm
-
-        def solve(inputs):
-            return temperature_of(*inputs)
-
-        def inverse(logarithm):
-            return root(SmallSystem(misfit, solve, (coefficients, ends, logarithm)))
-
-        return jnp.vectorize(inverse)(jnp.log(p))
+        return _traced_temperature(coefficients, ends, p)
 
     def bubble_of_dew(self, T):
         return self.bubble_temperature(self.dew_pressure(T))
@@ -505,23 +491,7 @@ class Mixture(AbstractRealGas):
                 self._require("p", p, Bound(low, high), "Pa, on the dew line of")
             elif T is not None and not is_traced(T):
                 self._require("T", T, Bound(ends[0], ends[2]), "K, on the dew line of")
-        return self._saturation(T, p)
-
-    @eqx.filter_jit
-    def _saturation(self, T, p) -> Saturation:
-        if T is None:
-            T = self._temperature(p, DEW_PRESSURE)
-        T = jnp.asarray(T)
-        if p is None:
-            p = self._pressure(T, DEW_PRESSURE)
-        pressure = jnp.asarray(p)
-        return Saturation(
-            T=T,
-            p=pressure,
-            liquid=self._pressure(T, BUBBLE_DENSITY),
-            vapour=self._pressure(T, DEW_DENSITY),
-            T_bubble=self._temperature(pressure, BUBBLE_PRESSURE),
-        )
+        return _saturation(self._lines, self.mass_fractions, T, p)
 
     def is_wet(self, T, rho):
         if self.dew_curve is not None:
@@ -530,9 +500,52 @@ class Mixture(AbstractRealGas):
         if self.lines is None:
             return super().is_wet(T, rho)
         # the line of the composition that was solved: the margin covers what a tolerance moves it by
-        coefficients, ends, _ = self._curve(DEW_DENSITY, T)
-        dew = jnp.exp(curve(coefficients, ends, T)[0])
+        dew = self._pressure(T, DEW_DENSITY)
+        ends = self._lines.ends
         return (ends[2] > T) & (rho > _MARGIN * dew)
+
+
+@compiled
+def _saturation(lines: SaturationLines, mass_fractions, T, p) -> Saturation:
+    """Saturation at a temperature or a pressure; one program for all mixtures of n components."""
+    coefficients = lines.at(mass_fractions / mass_fractions.sum(), jnp)
+    ends = lines.ends
+
+    def on(which: int, T):
+        return jnp.exp(curve(coefficients[:, which], ends, T)[0])
+
+    if T is None:
+        T = _traced_temperature(coefficients[:, DEW_PRESSURE], ends, p)
+    T = jnp.asarray(T)
+    if p is None:
+        p = on(DEW_PRESSURE, T)
+    pressure = jnp.asarray(p)
+    return Saturation(
+        T=T,
+        p=pressure,
+        liquid=on(BUBBLE_DENSITY, T),
+        vapour=on(DEW_DENSITY, T),
+        T_bubble=_traced_temperature(coefficients[:, BUBBLE_PRESSURE], ends, pressure),
+    )
+
+
+def _traced_temperature(coefficients, ends, p) -> Array:
+    """[K] Where a curve has pressures [Pa], with derivatives of any order."""
+
+    def misfit(T, inputs):
+        coefficients, ends, logarithm = inputs
+        # linear beyond the ends, where the curve itself stays level and has no inverse
+        value, slope = curve(coefficients, jax.lax.stop_gradient(ends), T)
+        inside = clip(T, ends[0], ends[2])
+        return value + slope * (T - inside) - logarithm
+
+    def solve(inputs):
+        return temperature_of(*inputs)
+
+    def inverse(logarithm):
+        return root(SmallSystem(misfit, solve, (coefficients, ends, logarithm)))
+
+    return jnp.vectorize(inverse)(jnp.log(p))
 
 
 def _evaporator_on_host(components, model, *inputs) -> np.ndarray:

@@ -14,7 +14,7 @@ from .._core.extremes import clip, minimum
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
 from ._blends import blends
-from ._fluid import SmallSystem
+from ._fluid import SmallSystem, compiled
 from ._helmholtz import (
     Saturation,
     ancillary,
@@ -138,7 +138,7 @@ class RealGas(AbstractRealGas):
             raise BadInput("reference", '"mean"', bound)
         return T
 
-    def state(self, T, rho):
+    def _state(self, T, rho):
         data = self.data
         R = data["gas_constant"]
         tau = data["T_r"] / T
@@ -194,7 +194,7 @@ class RealGas(AbstractRealGas):
             self._require("T", T, Bound(*ends, high_open=True), "K, of liquid and vapour of")
         return self._saturation(T, p)
 
-    @eqx.filter_jit
+    @compiled
     def _saturation(self, T, p) -> Saturation:
         """Liquid and vapour in equilibrium.
 
@@ -241,9 +241,14 @@ class RealGas(AbstractRealGas):
             keys = ("liquid_density", "vapour_density")
             guess = [jnp.log(ancillary(data[key], jnp.exp(log_T))) for key in keys]
 
+            def twice(unknowns):
+                # the value comes with the slopes: it is not worked out again
+                value = misfit(unknowns, log_input)
+                return value, value
+
             def newton(_, unknowns):
-                jacobian = jax.jacfwd(misfit)(unknowns, log_input)
-                step = jnp.linalg.solve(jacobian, misfit(unknowns, log_input))
+                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
+                step = jnp.linalg.solve(jacobian, value)
                 return unknowns - clip(jnp.nan_to_num(step), -0.1, 0.1)
 
             return lax.fori_loop(0, 12, newton, jnp.stack([log_T, *guess]))

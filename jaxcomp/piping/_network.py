@@ -5,6 +5,7 @@ node, so that nothing is divided by a hyperbolic sine: a pipe of half a wave is 
 are one array, so that the program does not grow with the network.
 """
 
+from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .._core.extremes import max_of, maximum
+from .._core.fields import is_any_traced, known_values
 from ._gas import PipeGas
 from ._piping import LINE, Piping
 from .pipe import FourPole, WaveLine, attenuated_line, four_pole, walled_line
@@ -106,6 +108,11 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
     """
     nodes = piping.nodes
     at = {name: number for number, name in enumerate(nodes)}
+    tools = jnp
+    if not is_any_traced(piping, gas, usual_flow):
+        # known numbers are put together by NumPy, which compiles nothing
+        tools = np
+        piping = known_values(piping)
     pipe_ends = []
     attenuated = []
     for duct in piping.ducts:
@@ -119,34 +126,20 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         for duct in piping.ducts:
             values = getattr(duct, name)
             if values is None:
-                values = jnp.zeros_like(duct.length)
+                values = tools.zeros_like(duct.length)
             parts.append(values)
-        return jnp.concatenate(parts)
+        return tools.concatenate(parts)
 
     diameter = column("diameter")
-    volume = jnp.zeros(len(nodes))
+    volumes = [np.zeros(())] * len(nodes)
     for element in piping.volumes:
-        volume = volume.at[at[element.node]].add(element.volume)
-    resistance = []
-    square = []
+        number = at[element.node]
+        volumes[number] = volumes[number] + element.volume
     orifice_ends = []
     for orifice in piping.orifices:
         first, second = orifice.nodes
         orifice_ends.append((at[first], at[second]))
-        adjacent = _adjacent_pipes(pipe_ends, orifice_ends[-1])
-        if orifice.is_linear:
-            resistance.append(orifice.resistance)
-            square.append(jnp.zeros(()))
-            continue
-        # without a pipe beside it a hole counts as in a vessel
-        pipe_diameter = 1e3 * orifice.diameter
-        if adjacent:
-            pipe_diameter = max_of(diameter[np.array(adjacent)])
-        coefficient = orifice.coefficient(gas.density, pipe_diameter)
-        # the slope of c q |q| at the usual flow: by it, and not by the chord, a pulsation is damped that
-        # is small beside the mean
-        resistance.append(2 * coefficient * usual_flow)
-        square.append(coefficient)
+    resistance, square = _orifice_laws(piping, gas, usual_flow, pipe_ends, orifice_ends, diameter)
     fixed = []
     anechoic = []
     for name in nodes:
@@ -161,14 +154,46 @@ def network_of(piping: Piping, gas: PipeGas, usual_flow: Float[Array, ""] | floa
         anechoic=tuple(anechoic),
         attenuated=tuple(attenuated),
         linear=tuple(orifice.is_linear for orifice in piping.orifices),
-        length=column("length"),
-        diameter=diameter,
-        roughness=column("roughness"),
-        attenuation=column("attenuation"),
-        volume=volume,
-        resistance=_stacked(resistance),
-        square=_stacked(square),
+        length=jnp.asarray(column("length")),
+        diameter=jnp.asarray(diameter),
+        roughness=jnp.asarray(column("roughness")),
+        attenuation=jnp.asarray(column("attenuation")),
+        volume=_stacked(volumes, tools),
+        resistance=_stacked(resistance, tools),
+        square=_stacked(square, tools),
     )
+
+
+def _orifice_laws(
+    piping: Piping, gas: PipeGas, usual_flow, pipe_ends, orifice_ends, diameter
+) -> tuple[list, list]:
+    """Resistances [Pa s/kg] and factors of square laws [Pa s^2/kg^2] of all orifices.
+
+    Args:
+        piping: its elements.
+        gas: in it, for its density.
+        usual_flow: [kg/s] about which square laws are written.
+        pipe_ends, orifice_ends: numbers of the nodes of each pipe and orifice.
+        diameter: [m] of the pipes.
+    """
+    resistances = []
+    squares = []
+    for orifice, ends in zip(piping.orifices, orifice_ends, strict=True):
+        if orifice.is_linear:
+            resistances.append(orifice.resistance)
+            squares.append(np.zeros(()))
+            continue
+        # without a pipe beside it a hole counts as in a vessel
+        pipe_diameter = 1e3 * orifice.diameter
+        adjacent = _adjacent_pipes(pipe_ends, ends)
+        if adjacent:
+            pipe_diameter = max_of(diameter[np.array(adjacent)])
+        coefficient = orifice.coefficient(gas.density, pipe_diameter)
+        # the slope of c q |q| at the usual flow: by it, and not by the chord, a pulsation is damped that
+        # is small beside the mean
+        resistances.append(2 * coefficient * usual_flow)
+        squares.append(coefficient)
+    return resistances, squares
 
 
 def _adjacent_pipes(pipe_ends, nodes: tuple[int, int]) -> list[int]:
@@ -181,11 +206,11 @@ def _adjacent_pipes(pipe_ends, nodes: tuple[int, int]) -> list[int]:
     return adjacent
 
 
-def _stacked(numbers: list[Float[Array, ""]]) -> Float[Array, " o"]:
+def _stacked(numbers: list, tools) -> Float[Array, " o"]:
     """Scalars as one array, which is empty without any."""
     if not numbers:
         return jnp.zeros(0)
-    return jnp.stack(numbers)
+    return jnp.asarray(tools.stack(numbers))
 
 
 # [1/m] Least resistance to the mean flow over length and impedance of a wave, in the ratio of inertances.
@@ -351,6 +376,7 @@ def harmonic_responses(
     return jax.vmap(lambda s: response(network, gas, s, drag))(s)
 
 
+@jax.jit  # one program instead of fifty
 def impedances(
     network: Network, gas: PipeGas, frequency: Float[Array, " f"]
 ) -> Complex[Array, "f q q"]:
@@ -374,6 +400,7 @@ def impedances(
     return jax.vmap(at)(jnp.asarray(frequency))
 
 
+@partial(jax.jit, static_argnames="source")
 def pressures_at_nodes(
     network: Network, gas: PipeGas, frequency: Float[Array, " f"], source: int = 0
 ) -> Complex[Array, "f n"]:

@@ -60,6 +60,7 @@ def _newton(network: Network, gas: PipeGas, start):
     return lax.fori_loop(0, _STEPS, advance, start)
 
 
+@jax.jit
 def root_near(network: Network, gas: PipeGas, start: Complex[Array, ""]) -> Complex[Array, ""]:
     """Root s [1/s] of the network's free vibration near a start, with its first derivatives.
 
@@ -147,6 +148,7 @@ def resonances(network: Network, gas: PipeGas, highest: float) -> Resonances:
     return jax.tree.map(lambda values: values[exists], lowest)
 
 
+@partial(jax.jit, static_argnames="count")
 def lowest_resonances(network: Network, gas: PipeGas, count: int) -> Resonances:
     """The lowest resonances of a network with its flanges shut, also within `jit`.
 

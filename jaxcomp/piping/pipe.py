@@ -124,8 +124,11 @@ def walled_line(gas: PipeGas, diameter: Float[Array, " p"], s: Complex[Array, ""
     # The wall holds momentum back in a layer of the thickness R/q, and heat in one thinner by the root of
     # Prandtl's number: gas near it is compressed isothermally, and stores more.
     shear_number = diameter / 2 * jnp.sqrt(s * gas.density / gas.viscosity)
-    momentum = 1 - wall_function(shear_number)
-    heat = 1 + (gas.heat_capacity_ratio - 1) * wall_function(shear_number * jnp.sqrt(gas.prandtl))
+    # of both layers at once, as the function is the larger part of a program of pipes
+    layers = jnp.stack([shear_number, shear_number * jnp.sqrt(gas.prandtl)])
+    of_momentum, of_heat = wall_function(layers)
+    momentum = 1 - of_momentum
+    heat = 1 + (gas.heat_capacity_ratio - 1) * of_heat
     return WaveLine(s / (area * momentum), s * area / gas.sound_speed**2 * heat)
 
 
@@ -153,8 +156,7 @@ class FourPole(NamedTuple):
 def four_pole(line: WaveLine, length: Float[Array, " p"]) -> FourPole:
     """Transfer through lengths of pipe."""
     # the root of the product would lie on the cut of the complex root without losses
-    series = jnp.sqrt(line.series)
-    shunt = jnp.sqrt(line.shunt)
+    series, shunt = jnp.sqrt(jnp.stack([line.series, line.shunt]))
     angle = series * shunt * length
     return FourPole(
         jnp.cosh(angle), series / shunt * jnp.sinh(angle), shunt / series * jnp.sinh(angle)

@@ -75,6 +75,7 @@ class Harmonics(Result, eqx.Module):
         return jnp.real(self.amplitude @ jnp.exp(1j * self.frequency[:, None] * time))
 
 
+@eqx.filter_jit  # one program instead of forty
 def harmonics(
     suspension: Suspension,
     wrench: Wrench,
@@ -134,6 +135,7 @@ def orbit_load(
     return Harmonics(amplitude, load.speed)
 
 
+@eqx.filter_jit
 def block_response(suspension: Suspension, load: Harmonics) -> Harmonics:
     r"""Settled vibration, $(S - k^2\Omega^2 M + ik\Omega C)X_k = F_k$ (Eq. 42).
 
@@ -216,6 +218,7 @@ class BlockMotion(eqx.Module):
     velocity: Float[Array, "*t 6"]
 
 
+@eqx.filter_jit
 def time_response(response: Harmonics, time: Float[Array, " t"]) -> BlockMotion:
     """The settled vibration at instants [s].
 

@@ -12,6 +12,7 @@ Eqs. (36)-(41); (39) and (40) with $m_s R^2\ddot\varphi$ where the print has $m_
 from functools import singledispatch
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -101,6 +102,11 @@ def _(mechanism: SliderCrank, state: CrankState) -> Wrench:
 
 @shaking_wrench.register
 def _(compressor: Compressor, state: CrankState) -> Wrench:
+    return _of_compressor(compressor, state)
+
+
+@eqx.filter_jit  # one program instead of sixty
+def _of_compressor(compressor: Compressor, state: CrankState) -> Wrench:
     crankshaft = compressor.crankshaft
     cylinder_state = CrankState(crankshaft.own_angle(state.angle), state.speed, state.acceleration)
     wrenches = shaking_wrench(crankshaft.each(compressor.mechanism, state.angle), cylinder_state)

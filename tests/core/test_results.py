@@ -114,7 +114,9 @@ def front():
 
 
 def cycle():
-    options = CycleOptions(nodes=4, panels=8)  # coarse: what is kept is the same
+    options = CycleOptions(
+        nodes=4
+    )  # coarse, and with room for the events: what is kept is the same
     return solve_cycle(golden("A"), mechanism(), 300.0, options, throw=False)
 
 

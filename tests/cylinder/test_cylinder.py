@@ -23,14 +23,25 @@ from jaxcomp.cylinder import (
     DischargeLine,
     LaminarGap,
     SuctionLine,
+    _cylinder,
+    _gas_balance,
     solve_cycle,
 )
 from jaxcomp.fluid import PerfectGas, RealGas
 from jaxcomp.plot._cylinder import cylinder_figures
 from jaxcomp.valve import CheckValve, PlateValve, ReedBeam
 
+# parts of larger programs, each compiled once for machines of one structure
+prepare = eqx.filter_jit(_cylinder.prepare)
+initial = eqx.filter_jit(_gas_balance.initial)
+rates = eqx.filter_jit(_gas_balance.rates)
+
 SPEED = 2950 * 2 * np.pi / 60
 COLLOCATION = CycleOptions(nodes=10, panels=40)
+# of the golden machines, and of the same with bounces: one program
+GOLDEN_OPTIONS = CycleOptions(nodes=10, panels=64)
+# the size that these need, so that no smaller one is tried before
+IDEAL_VALVES = CycleOptions(value_tolerance=1e-7, capacity=6000, max_passes=30000, size=3)
 
 
 def test_a_reed_is_a_cantilever_that_its_port_loads():
@@ -144,7 +155,7 @@ def check_events(cycle, name):
 
 @pytest.mark.parametrize("name", ["D", pytest.param("C", marks=pytest.mark.slow)])
 def test_collocation_meets_the_golden_machines(name):
-    cycle = solve_cycle(golden(name), mechanism(), SPEED, COLLOCATION)
+    cycle = solve_cycle(golden(name), mechanism(), SPEED, GOLDEN_OPTIONS)
     assert bool(cycle.converged)
     check_figures(cycle, name, 1e-7)
     check_events(cycle, name)
@@ -164,18 +175,18 @@ def test_collocation_meets_the_golden_machines(name):
 
 
 def test_another_speed_or_number_is_no_other_program(monkeypatch):
-    solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
+    solve_cycle(golden("D"), mechanism(), SPEED, GOLDEN_OPTIONS)
 
     def traced_again(*_):
         raise AssertionError("traced again")
 
     monkeypatch.setattr("jaxcomp.cylinder._solve_cycle.prepare", traced_again)
     other = with_values(golden("D"), clearance_ratio=0.0251)
-    assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, COLLOCATION).converged)
+    assert bool(solve_cycle(other, mechanism(), 0.99 * SPEED, GOLDEN_OPTIONS).converged)
 
 
 def test_pictures_show_the_cycle():
-    cycle = solve_cycle(golden("D"), mechanism(), SPEED, COLLOCATION)
+    cycle = solve_cycle(golden("D"), mechanism(), SPEED, GOLDEN_OPTIONS)
     figures = cylinder_figures(cycle)
     assert set(figures) == {"valve_losses", "valve_motion"}  # log p-h only of a real gas
     volume, pressure = figures["valve_losses"].axes[0].lines[0].get_data()
@@ -315,7 +326,7 @@ def test_the_quasi_steady_law_refuses_derivatives():
 def test_ideal_valves_approach_the_ideal_cycle_at_second_order():
     """Adiabatic, tight, with check valves: the polytropic cycle of the perfect gas."""
     errors = []
-    options = CycleOptions(value_tolerance=1e-7, capacity=6000, max_passes=30000)
+    options = IDEAL_VALVES
     for factor in (1.0, 2.0):
         valves = [CheckValve(port_diameter=d, flow_coefficient=0.65 * factor) for d in (7e-3, 5e-3)]
         ideal = Cylinder(
@@ -332,7 +343,7 @@ def test_ideal_valves_approach_the_ideal_cycle_at_second_order():
 def test_ideal_valves_of_a_real_gas_approach_its_isentropes_at_second_order():
     """The clearance expands along the isentrope; the work is mass times the isentropic rise."""
     errors = []
-    options = CycleOptions(value_tolerance=1e-7, capacity=6000, max_passes=30000)
+    options = IDEAL_VALVES
     lines = SuctionLine(114.8e3, 328.15), DischargeLine(1.47e6, temperature=390.0)
     for factor in (1.0, 2.0):
         valves = [CheckValve(port_diameter=d, flow_coefficient=0.65 * factor) for d in (7e-3, 5e-3)]
@@ -390,8 +401,7 @@ def test_heat_and_leakage_that_are_absent_are_not_traced():
     )
 
     def operations(cylinder):
-        from jaxcomp.cylinder._cylinder import prepare
-        from jaxcomp.cylinder._gas_balance import initial, rates
+        from jaxcomp.cylinder._gas_balance import rates
 
         case = prepare(cylinder, mechanism(), SPEED)
         state, flags = initial(case, -1.5)
@@ -467,9 +477,6 @@ def test_extreme_machines_converge_or_say_why():
 
 def test_leakage_and_heat_switch_off_exactly():
     """A gap of zero is no leakage, to the last bit of the balance."""
-    from jaxcomp.cylinder._cylinder import prepare
-    from jaxcomp.cylinder._gas_balance import initial, rates
-
     base = golden("C")
     tight = eqx.tree_at(lambda c: c.leakage, base, None)
     closed = with_values(base, leakage__gap=0.0)
@@ -516,9 +523,9 @@ SCATTERED = [
 def test_bouncing_valves_rest_by_the_scales_of_their_plates():
     """The last bounces that count are of 1 mm/s; those down to 0.4 mm/s add 1e-9 of the flow."""
     bouncing = eqx.tree_at(restitutions, inertial(), [jnp.asarray(0.2)] * 2)
-    default = solve_cycle(bouncing, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    default = solve_cycle(bouncing, mechanism(), SPEED, GOLDEN_OPTIONS)
     lower = eqx.tree_at(sticking_speeds, bouncing, [jnp.asarray(4e-4)] * 2, is_leaf=_absent)
-    finer = solve_cycle(lower, mechanism(), SPEED, CycleOptions(nodes=8, panels=64))
+    finer = solve_cycle(lower, mechanism(), SPEED, GOLDEN_OPTIONS)
     np.testing.assert_allclose(
         default.volumetric_efficiency, finer.volumetric_efficiency, rtol=1e-8
     )
@@ -543,9 +550,8 @@ def _absent(leaf):
 
 def test_whether_a_valve_rests_is_decided_without_the_damping_of_its_impact():
     """A force that presses on the seat holds a valve that meets it, however fast it comes."""
-    from jaxcomp.cylinder._cylinder import prepare
     from jaxcomp.cylinder._events import after_event
-    from jaxcomp.cylinder._gas_balance import FREE, SEAT, initial, rates
+    from jaxcomp.cylinder._gas_balance import FREE, SEAT
 
     case = prepare(with_values(golden("D"), suction_valve__damping=50.0), mechanism(), SPEED)
     state, flags = initial(case, -1.5)  # compressed: the pressure presses the suction valve down

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +10,8 @@ import pytest
 
 from jaxcomp import load
 from jaxcomp._core.fields import replaced
-from jaxcomp.cylinder import solve_cycle
-from jaxcomp.cylinder._event_panels import Unknowns, lay_mesh
+from jaxcomp.cylinder import _event_panels, solve_cycle
+from jaxcomp.cylinder._event_panels import Unknowns
 from jaxcomp.cylinder._march import Record
 from jaxcomp.cylinder._revolutions import START, TURN
 from jaxcomp.cylinder._rounds import ConstantLines
@@ -41,9 +42,21 @@ def record():
     )
 
 
-def at_angles(*places):
+# one program for all meshes with as many kinks
+lay_mesh = eqx.filter_jit(_event_panels.lay_mesh)
+
+
+class Kinks(eqx.Module):
     """Functions that vanish at angles."""
-    return lambda angle, state, flags: state[0] - jnp.asarray(places)
+
+    places: jax.Array
+
+    def __call__(self, angle, state, flags):
+        return state[0] - self.places
+
+
+def at_angles(*places):
+    return Kinks(jnp.asarray(places))
 
 
 def test_kinks_are_edges(record):

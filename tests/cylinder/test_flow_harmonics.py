@@ -11,12 +11,17 @@ from scipy.special import spherical_jn
 from jaxcomp import BadInput, Status
 from jaxcomp._core.fields import replaced
 from jaxcomp._core.polynomials import gauss
-from jaxcomp.cylinder import CycleOptions, solve_cycle
-from jaxcomp.cylinder._cylinder import Pace, prepare
+from jaxcomp.cylinder import CycleOptions, _cylinder, _quadrature, _waves, solve_cycle
+from jaxcomp.cylinder._cylinder import Pace
 from jaxcomp.cylinder._pulsation import Pulsation
-from jaxcomp.cylinder._quadrature import harmonics, quadrature, spherical_bessel
-from jaxcomp.cylinder._waves import sampled
 from jaxcomp.piping import Pipes
+
+# parts of larger programs, each compiled once for all tests
+prepare = eqx.filter_jit(_cylinder.prepare)
+harmonics = eqx.filter_jit(_quadrature.harmonics)
+quadrature = eqx.filter_jit(_quadrature.quadrature)
+spherical_bessel = eqx.filter_jit(_quadrature.spherical_bessel)
+sampled = jax.jit(_waves.sampled)
 
 
 @pytest.mark.parametrize("count", [4, 6, 10])
@@ -65,10 +70,10 @@ def test_weights_follow_the_edges(even):
     edges = jnp.asarray([-1.5, -1.4, -0.6, 0.7, 2.7, 2 * np.pi - 1.5])
 
     def weights(edges):
-        return quadrature(even, 0.0, edges, 6, 16)
+        at = quadrature(even, 0.0, edges, 6, 16)
+        return at.nodes, at
 
-    at = weights(edges)
-    moved = jax.jacfwd(lambda edges: weights(edges).nodes)(edges)
+    moved, at = jax.jit(jax.jacfwd(weights, has_aux=True))(edges)
     for panel in range(5):
         np.testing.assert_allclose(moved[panel, ..., panel], at.to_left[panel], atol=1e-12)
         np.testing.assert_allclose(moved[panel, ..., panel + 1], at.to_right[panel], atol=1e-12)

@@ -18,15 +18,21 @@ from jaxcomp.cylinder import (
     LaminarGap,
     Plenum,
     SuctionLine,
+    _cylinder,
+    _solve_cycle,
     solve_cycle,
 )
-from jaxcomp.cylinder._cylinder import prepare
 from jaxcomp.cylinder._cylinder_system import Cylinders
 from jaxcomp.cylinder._ends import ends_of
-from jaxcomp.cylinder._solve_cycle import _system_of_ends, solve_cycles
+from jaxcomp.cylinder._solve_cycle import solve_cycles
 from jaxcomp.cylinder._waves import waves_at_rest
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.piping import Orifice, Pipes, Piping, Volume
+
+# parts of larger programs, compiled as a whole
+prepare = eqx.filter_jit(_cylinder.prepare)
+system_of_ends = eqx.filter_jit(_solve_cycle._system_of_ends)
+initial = eqx.filter_jit(Cylinders.initial)
 
 BOTTLE = Plenum(0.002, 0.1, 0.025, 0.0)
 
@@ -62,7 +68,7 @@ def check_slopes(system):
         sides.append(side._replace(pressure=jnp.asarray(pressure)))
     system = system.with_waves((sides[0], sides[1]))
     angle = jnp.asarray(0.3)
-    state, flags = system.initial(angle)
+    state, flags = initial(system, angle)
     state = state * (1 + 0.03 * jnp.asarray(rng.normal(size=state.size)))
     # suction valves on their way, so that gas flows
     count = system.count
@@ -77,11 +83,11 @@ def check_slopes(system):
             sides.append(side._replace(pressure=side.pressure + change))
         moved = system.with_waves((sides[0], sides[1]))
         at, observed = moved.observe(angle, state, flags)
-        return at.state, at.events, observed
+        values = at.state, at.events, observed
+        return values, values
 
     none = [jnp.zeros_like(side.pressure) for side in system.waves]
-    values = law(angle, state, none)
-    slopes = eqx.filter_jit(jax.jacfwd(law, (0, 1, 2)))(angle, state, none)
+    slopes, values = jax.jit(jax.jacfwd(law, (0, 1, 2), has_aux=True))(angle, state, none)
     (state_1, events), (by_state, turned), (events_by_state, events_turned) = rows.panels
     together = (
         (state_1, turned, by_state, rows.state_by_pressure),
@@ -129,7 +135,7 @@ def test_slopes_of_the_law_of_both_ends_of_a_cylinder(flange):
         crank_end=end,
         leakage=LaminarGap(4e-5, 0.03, 2e-5),
     )
-    system = _system_of_ends(ends_of(gas, [crank()], jnp.zeros(1)), jnp.asarray(SPEED), None)
+    system = system_of_ends(ends_of(gas, [crank()], jnp.zeros(1)), jnp.asarray(SPEED), None)
     assert system.leaks_between
     check_slopes(system)
 

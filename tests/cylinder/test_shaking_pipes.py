@@ -6,6 +6,8 @@ The waves here are those that given flows make in a network; what a solved cycle
 
 from types import SimpleNamespace
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,8 +16,7 @@ from reference_pipes import SPEED, crank, cylinder
 from jaxcomp import BadInput, Compressor, solve_orbit
 from jaxcomp.compressor import first_top
 from jaxcomp.crankshaft import Crankshaft, Throw
-from jaxcomp.cylinder import Pulsation
-from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder import Pulsation, _cylinder
 from jaxcomp.cylinder._event_panels import over_panels
 from jaxcomp.cylinder._pulsation import values_of
 from jaxcomp.cylinder._waves import Observed, waves_at_rest
@@ -25,6 +26,8 @@ from jaxcomp.piping import Orifice, Pipes, Piping, Run, Vessel
 from jaxcomp.rotor import LoadCase, PipeNode
 from jaxcomp.vibration import PipePoint, Suspension, orbit_load
 from jaxcomp.vibration._pipe_forces import pipe_loads, run_forces
+
+prepare = eqx.filter_jit(_cylinder.prepare)
 
 ORDERS = 8
 VESSEL = 0.2
@@ -79,8 +82,9 @@ def test_force_is_minus_the_rate_of_the_momentum_of_the_gas():
     gas = pulsation.lines[0][1].gas(jnp.ones(0))
     area = np.pi / 4 * VESSEL**2
     places = np.linspace(0.0, 0.3, 301)
-    along = [np.asarray(pulsation.series_in_pipe("side", "right", x)) for x in places]
-    amplitudes = np.array([row[1 : 1 + ORDERS] - 1j * row[1 + ORDERS :] for row in along])
+    at_places = jax.vmap(lambda x: pulsation.series_in_pipe("side", "right", x))
+    along = np.asarray(at_places(jnp.asarray(places)))
+    amplitudes = along[:, 1 : 1 + ORDERS] - 1j * along[:, 1 + ORDERS :]
     frequency = SPEED * np.arange(1, ORDERS + 1)
     # dm/dx = -i w A/c^2 p and dm/dt = -A dp/dx: the flow at the middle, then what is stored on the way
     step = places[1]

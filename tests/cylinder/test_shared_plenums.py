@@ -12,10 +12,14 @@ from jaxcomp import Compressor, ConstantSpeed, SlipLine, load, simulate, solve_o
 from jaxcomp._core.fields import replaced
 from jaxcomp.crank import Collocation, TimeIntegration
 from jaxcomp.crankshaft import Crankshaft, Throw
-from jaxcomp.cylinder import Annand, CycleOptions, WallNetwork, solve_cycle
-from jaxcomp.cylinder._cylinder import prepare
+from jaxcomp.cylinder import Annand, CycleOptions, WallNetwork, _cylinder, solve_cycle
 from jaxcomp.cylinder._cylinder_system import Cylinders
 from jaxcomp.scene import with_values
+
+# parts of larger programs, each compiled once for machines of one structure
+prepare = eqx.filter_jit(_cylinder.prepare)
+initial = eqx.filter_jit(Cylinders.initial)
+rates = eqx.filter_jit(Cylinders.rates)
 
 
 def for_two(rows):
@@ -54,12 +58,11 @@ def test_the_jacobian_of_cylinders_is_that_of_their_rates():
     """Unequal cylinders with walls and plenums: assembled from parts, against all at once."""
     gas = with_walls(with_plenums(BEHIND, BEHIND))
     bores = jnp.array([22e-3, 24e-3, 20e-3])
-    cases = jax.vmap(
-        lambda bore: prepare(gas, eqx.tree_at(lambda m: m.bore, light_rod(), bore), SPEED)
-    )(bores)
+    pistons = jax.vmap(lambda bore: eqx.tree_at(lambda m: m.bore, light_rod(), bore))(bores)
+    cases = jax.vmap(lambda piston: prepare(gas, piston, SPEED))(pistons)
     system = Cylinders(cases, jnp.array([0.0, 2.0, 4.5]))
     angle = jnp.asarray(-1.2)
-    state, flags = system.initial(angle)
+    state, flags = initial(system, angle)
     rng = np.random.default_rng(1)
     state = state + 0.03 * rng.standard_normal(state.size)
     state = state.at[system.columns(2, 5)].set(rng.uniform(0.2, 0.8, 6))
@@ -92,14 +95,14 @@ def test_cylinders_in_step_see_the_plenums_of_one():
     one = Cylinders(prepare(with_plenums(BEHIND, BEHIND), light_rod(), SPEED), jnp.zeros(1))
     case = prepare(with_plenums(for_two(BEHIND), for_two(BEHIND)), light_rod(), SPEED)
     two = Cylinders(jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), case), jnp.zeros(2))
-    state, flags = one.initial(-1.2)
-    both, of_both = two.initial(-1.2)
+    state, flags = initial(one, -1.2)
+    both, of_both = initial(two, -1.2)
     np.testing.assert_array_equal(both, jnp.concatenate([state[:8], state]))
     # off the guess, so that gas flows in valves and necks
     state = (state + 0.02).at[jnp.array([2, 5])].set(0.5)
     flags = flags.at[::3].set(1)
     both, of_both = jnp.concatenate([state[:8], state]), jnp.concatenate([flags, flags])
-    wanted, got = one.rates(-1.2, state, flags), two.rates(-1.2, both, of_both)
+    wanted, got = rates(one, -1.2, state, flags), rates(two, -1.2, both, of_both)
     np.testing.assert_allclose(got.state[8:], wanted.state, rtol=1e-12)
     np.testing.assert_allclose(got.state[:8], wanted.state[:8], rtol=1e-12)
     np.testing.assert_allclose(got.pressure, jnp.repeat(wanted.pressure, 2), rtol=1e-12)

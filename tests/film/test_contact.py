@@ -11,12 +11,21 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from jaxcomp import BadInput, JournalBearing, load
-from jaxcomp.film import AsperityContact, Reynolds, minimum_film, operating_point, stribeck_curve
+from jaxcomp.film import (
+    AsperityContact,
+    Reynolds,
+    _running,
+    minimum_film,
+    operating_point,
+    stribeck_curve,
+)
 from jaxcomp.film._bearing import contact_moment, friction_moment, ring_contact
 from jaxcomp.film._contact import elastic_factor, mean_excess, mean_excess_halves
-from jaxcomp.film._running import running_state, stiffness_damping
+from jaxcomp.film._running import running_state
 from jaxcomp.scene import SceneError, with_value
 from jaxcomp.scene._units import to_si
+
+stiffness_damping = jax.jit(_running.stiffness_damping)
 
 ROUGH = AsperityContact(0.3e-6, 0.1, 60e9)
 SMOOTH = JournalBearing(0.0478, 0.0172, 23.9e-6, 6.8e-3)
@@ -89,10 +98,11 @@ def test_out_of_touch_the_film_is_that_of_smooth_surfaces_to_the_last_bit(points
     np.testing.assert_array_equal(mixed.friction_torque, smooth.friction_torque)
     # the attitude is an arc tangent of the film's own cosine and sine; stiffness follows from both
     np.testing.assert_allclose(mixed.attitude_angle, smooth.attitude_angle, rtol=1e-14)
-    solve = eqx.filter_jit(stiffness_damping)
     for load_ in (10.0, 500.0):
-        force = jnp.array([load_, 0.0])
-        own, beside = (solve(one, force, 300.0) for one in (dc.replace(BRIEF, contact=None), BRIEF))
+        force = np.array([load_, 0.0])
+        own, beside = (
+            stiffness_damping(one, force, 300.0) for one in (dc.replace(BRIEF, contact=None), BRIEF)
+        )
         np.testing.assert_allclose(beside.stiffness, own.stiffness, rtol=1e-12)
         np.testing.assert_allclose(beside.damping, own.damping, rtol=1e-12)
 
@@ -156,8 +166,8 @@ def test_stiffness_is_the_slope_of_the_load_over_the_position():
         angle = line + state.attitude_angle
         return 23.9e-6 * state.eccentricity_ratio * jnp.stack([jnp.cos(angle), jnp.sin(angle)])
 
-    base = jnp.array([LOAD, 0.0])
-    columns = [(position(base + s) - position(base - s)) / (2 * step) for s in step * jnp.eye(2)]
+    base = np.array([LOAD, 0.0])
+    columns = [(position(base + s) - position(base - s)) / (2 * step) for s in step * np.eye(2)]
     wanted = np.linalg.inv(np.stack(columns, axis=1))
     found = stiffness_damping(BRIEF, base, rate)
     # central differences with a step of 1e-3 of the load, in a contact that stiffens
@@ -169,28 +179,34 @@ def friction_and_film(p):
     sigma, friction, viscosity, gap, load_, rate = p
     rough = AsperityContact(sigma, friction, 60e9)
     made = JournalBearing(0.0478, 0.0172, gap, viscosity, film="short", contact=rough)
-    return jnp.stack([friction_moment(made, load_, rate), 1e5 * minimum_film(made, load_, rate)])
+    both = jnp.stack([friction_moment(made, load_, rate), 1e5 * minimum_film(made, load_, rate)])
+    return both, both
 
 
 def test_derivatives_in_both_modes_through_the_first_touch():
     """At 8 times the roughness, where the contact begins, and on either side of it."""
-    value, *modes = map(jax.jit, (friction_and_film, jax.jacfwd(friction_and_film),
-                                  jax.jacrev(friction_and_film)))  # fmt: skip
-    begins = brentq(lambda n: float(value(PLACE.at[5].set(n))[1]) - 1e5 * 8 * 0.3e-6, 10, 1000)
+    # one program for values and slopes: to compile another takes longer than its answers
+    forward_mode = jax.jit(jax.jacfwd(friction_and_film, has_aux=True))
+    backward_mode = jax.jit(jax.jacrev(friction_and_film, has_aux=True))
+
+    def value(at):
+        return np.asarray(forward_mode(at)[1])
+
+    begins = brentq(lambda n: value(np.append(PLACE[:5], n))[1] - 1e5 * 8 * 0.3e-6, 10, 1000)
     for rate in (0.05 * begins, 0.3 * begins, begins, 1.5 * begins):
-        at = PLACE.at[5].set(rate)
-        forward, backward = (mode(at) for mode in modes)
+        at = np.append(PLACE[:5], rate)
+        forward, backward = (np.asarray(mode(at)[0]) for mode in (forward_mode, backward_mode))
         np.testing.assert_allclose(backward, forward, rtol=1e-9, atol=1e-12 * np.max(forward))
-        for column, size in enumerate(np.asarray(at)):
+        for column, size in enumerate(at):
             step = np.zeros(6)
             step[column] = 1e-5 * size
-            slope = (np.asarray(value(at + step)) - np.asarray(value(at - step))) / (2e-5 * size)
+            slope = (value(at + step) - value(at - step)) / (2e-5 * size)
             # rounding over the step of 1e-5, and the square of that step
             noise = 1e-8 * np.max(np.abs(value(at))) / size
             np.testing.assert_allclose(forward[:, column], slope, rtol=1e-6, atol=noise)
 
 
-PLACE = jnp.array([0.3e-6, 0.1, 6.8e-3, 23.9e-6, 1000.0, 10.0])
+PLACE = np.array([0.3e-6, 0.1, 6.8e-3, 23.9e-6, 1000.0, 10.0])
 
 
 def test_the_curve_of_stribeck_has_its_least_friction_between_film_and_contact():

@@ -164,8 +164,9 @@ def test_pressure_and_its_derivatives_are_finite_everywhere(clearance):
         return pressure_at(gas, Stroke(fraction, fraction * SWEPT, jnp.asarray(SWEPT), inward))
 
     fraction = jnp.asarray([0.0, 1e-12, 0.05, 0.5, 1.0])
+    both = jax.jit(jax.jacfwd(pressures, argnums=(0, 1)))
     for inward in (1.0, -1.0, 0.0):
-        slopes = jax.jacfwd(pressures, argnums=(0, 1))(gas, fraction, jnp.full(5, inward))
+        slopes = both(gas, fraction, jnp.full(5, inward))
         assert all(bool(jnp.all(jnp.isfinite(x))) for x in jax.tree.leaves(slopes))
 
 
@@ -190,6 +191,11 @@ def test_angle_table_is_exact_at_its_points_in_any_turn():
         np.testing.assert_allclose(got, pressure, rtol=1e-12)
 
 
+@jax.jit
+def slopes_at(gas, angles):
+    return jax.vmap(jax.grad(lambda angle: gas.pressure(at_angle(angle))))(angles)
+
+
 def test_angle_table_is_smooth_across_the_seam_and_converges():
     errors = []
     for points in (40, 80):
@@ -199,9 +205,7 @@ def test_angle_table_is_smooth_across_the_seam_and_converges():
         fine = np.linspace(-1, 8, 5001)
         errors.append(np.max(np.abs(pressure_at(gas, at_angle(fine)) - curve(fine))))
         seam = 0.2 + np.array([-1e-6, 1e-6])
-        slopes = jax.vmap(jax.grad(lambda a, gas=gas: pressure_at(gas, at_angle(a))))(
-            jnp.asarray(seam)
-        )
+        slopes = slopes_at(gas, jnp.asarray(seam))
         np.testing.assert_allclose(slopes[0], slopes[1], rtol=1e-3)
     assert errors[0] / errors[1] > 6.5  # third order
 
@@ -302,18 +306,20 @@ def test_a_traced_table_outside_its_rules_is_marked_and_finite(place):
     )
     angle = jnp.linspace(0.0, 6.0, 9)
     crank = CrankAngleTable(angle, 1e5 * (2 + jnp.sin(angle)), 1e5)
-    strokes = [stroke_at(machine(), jnp.asarray(a)) for a in np.linspace(0.0, 2 * np.pi, 7)]
+    angles = jnp.linspace(0.0, 2 * np.pi, 7)
+    strokes = eqx.filter_jit(jax.vmap(stroke_at, (None, 0)))(machine(), angles)
 
     def seen(table, knots):
         traced = eqx.tree_at(lambda t: getattr(t, knots), table, bad(getattr(table, knots)))
-        solved = clipped(traced)
-        return admissible(traced), jnp.stack([solved.pressure(s) for s in strokes])
+        pressure = jax.vmap(clipped(traced).pressure)(strokes)
+        return pressure, (admissible(traced), pressure)
 
     for table, knots in ((volume, "volume"), (crank, "angle")):
-        good, pressure = jax.jit(seen, static_argnums=1)(table, knots)
+        # one program for values and slopes
+        both = jax.jit(jax.jacrev(seen, has_aux=True), static_argnums=1)
+        slope, (good, pressure) = both(table, knots)
         assert not good
         assert np.all(np.isfinite(pressure))
-        slope = jax.jit(jax.jacrev(lambda t, knots=knots: seen(t, knots)[1]))(table)
         assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(slope))
 
 

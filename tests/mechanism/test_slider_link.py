@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Compressor
-from jaxcomp.compressor import instants
+from jaxcomp._core.fields import known_values
+from jaxcomp.compressor import instants as eager_instants
 from jaxcomp.compressor import loads_at as eager_loads_at
 from jaxcomp.crankshaft import Crankshaft, MainBearings
 from jaxcomp.friction import (
@@ -32,7 +33,13 @@ from jaxcomp.mechanism import CrankState, SliderLink, contact
 from jaxcomp.mechanism._slider_link import ContactArms, PistonLoads, contact_arms
 from jaxcomp.motor import MeanSpeed
 
-joint_loads = eqx.filter_jit(eager_joint_loads)
+_joint_loads = eqx.filter_jit(eager_joint_loads)
+
+
+def joint_loads(*arguments):
+    """Loads as numbers of NumPy, with which tests calculate without compiling anything."""
+    return known_values(_joint_loads(*arguments))
+
 
 GEOMETRY = dict(
     bore=0.023,
@@ -54,7 +61,7 @@ SIGNS = np.array(np.meshgrid([1, -1], [1, -1], [1, -1], indexing="ij")).reshape(
 
 
 def machine(**changes) -> SliderLink:
-    return SliderLink(**(GEOMETRY | changes))
+    return known_values(SliderLink(**(GEOMETRY | changes)))
 
 
 def coulomb_friction(mu_c=0.1, mu_s=0.1, mu=0.01, **changes) -> SliderLinkFriction:
@@ -93,10 +100,17 @@ def compressor(linkage=None, friction=None, shaft=None, **parts) -> Compressor:
     )
 
 
-@eqx.filter_jit
 def loads_at(compressor, state, gas):
-    """Of one cylinder, under its gas force (n,)."""
+    """Of one cylinder, under its gas force (n,), as numbers of NumPy."""
+    return known_values(_loads_at(compressor, state, gas))
+
+
+@eqx.filter_jit
+def _loads_at(compressor, state, gas):
     return eager_loads_at(compressor, state, gas[None])
+
+
+instants = eqx.filter_jit(eager_instants)
 
 
 class Substitution(NamedTuple):
@@ -135,11 +149,11 @@ def substitution(compressor, state, gas, motor_torque) -> Substitution:
 def random_states(n, seed=0):
     rng = np.random.default_rng(seed)
     state = CrankState(
-        jnp.asarray(rng.uniform(0, 2 * np.pi, n)),
-        jnp.asarray(rng.uniform(50, 400, n)),
-        jnp.asarray(rng.uniform(-4000, 4000, n)),
+        rng.uniform(0, 2 * np.pi, n),
+        rng.uniform(50, 400, n),
+        rng.uniform(-4000, 4000, n),
     )
-    return state, jnp.asarray(rng.uniform(-50, 700, n))
+    return state, rng.uniform(-50, 700, n)
 
 
 def product_of_inertia(shaft: Crankshaft):
@@ -327,7 +341,7 @@ def test_contacts_and_reactions_equal_the_printed_formulas():
     np.testing.assert_allclose(f["lower_bearing"], p.lower, **tight)
     # (33), (34): the torque of the pin in terms of acceleration, speed and gas force
     R, phi = m.crank_radius, state.angle
-    torque = R * (f["crank_pin"][0] * jnp.sin(phi) - f["crank_pin"][1] * jnp.cos(phi))
+    torque = R * (f["crank_pin"][0] * np.sin(phi) - f["crank_pin"][1] * np.cos(phi))
     rest = -p.g4 * state.acceleration - p.g5 * state.speed**2 - p.g6 * p.G
     np.testing.assert_allclose(torque, rest, rtol=1e-10, atol=1e-11)
     # (35), with the pump in it

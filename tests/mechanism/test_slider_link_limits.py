@@ -15,6 +15,7 @@ from mechanism.test_slider_link import (
     crankshaft,
     eager_joint_loads,
     eager_loads_at,
+    instants,
     joint_loads,
     kinematic_signs,
     loads_at,
@@ -24,7 +25,6 @@ from mechanism.test_slider_link import (
     substitute,
 )
 
-from jaxcomp.compressor import instants
 from jaxcomp.film import JournalBearing
 from jaxcomp.friction import (
     CoulombJournal,
@@ -61,7 +61,7 @@ def test_frictionless_contacts():
     state, gas = random_states(200, 20)
     loads = joint_loads(m, None, state, gas)
     xdd = -m.crank_radius * (
-        state.speed**2 * jnp.cos(state.angle) + state.acceleration * jnp.sin(state.angle)
+        state.speed**2 * np.cos(state.angle) + state.acceleration * np.sin(state.angle)
     )
     q, arms = gas + m.piston_mass * xdd, contact_arms(m, state.angle)
     f = loads.forces
@@ -138,7 +138,7 @@ def test_sides_without_offset_of_the_piston():
     state, gas = random_states(200, 24)
     loads = joint_loads(m, friction, state, gas)
     xdd = m.crank_radius * -(
-        state.speed**2 * jnp.cos(state.angle) + state.acceleration * jnp.sin(state.angle)
+        state.speed**2 * np.cos(state.angle) + state.acceleration * np.sin(state.angle)
     )
     q = gas + m.piston_mass * xdd
     d1, d2 = kinematic_signs(state)
@@ -169,18 +169,18 @@ def test_power_identity(friction, support, reading):
     # The torque of the motor from the shaft's own balance (29), not from the reduced inertia
     drag = sum(v for k, v in loss.items() if k not in ("wall", "piston_film", "link_slider"))
     on_shaft = R * (
-        f["crank_pin"][0] * jnp.sin(state.angle) - f["crank_pin"][1] * jnp.cos(state.angle)
+        f["crank_pin"][0] * np.sin(state.angle) - f["crank_pin"][1] * np.cos(state.angle)
     )
     motor = made.crankshaft.inertia * state.acceleration + drag - on_shaft
 
-    xd, yd = m.piston(state.angle)[1] * w, R * jnp.cos(state.angle) * w
+    xd, yd = m.piston(state.angle)[1] * w, R * np.cos(state.angle) * w
     length = contact_arms(m, state.angle).engaged
     film = 4e-3 * np.pi * m.bore * length * xd**2 / 6e-6
     wall = 0.2 * (abs(f["wall_crown"][1]) + abs(f["wall_edge"][1])) * abs(xd)
     link = 0.15 * abs(f["link_slider"][0]) * abs(yd)
     whole = instants(made, state.angle)
     kinetic = (whole.inertia * state.acceleration + 0.5 * whole.inertia_1 * w**2) * w
-    terms = jnp.stack([motor * w, -gas * xd, -film, -wall, -link, -drag * w, -kinetic])
+    terms = np.stack([motor * w, -gas * xd, -film, -wall, -link, -drag * w, -kinetic])
     # rounding: 1e-15 of the largest term
     assert np.abs(terms.sum(axis=0) / np.abs(terms).max(axis=0)).max() < 2e-14
     for name, value in (("piston_film", film), ("wall", wall), ("link_slider", link)):
@@ -249,7 +249,7 @@ def test_regularised_friction_goes_over_to_coulomb():
         loads = joint_loads(m, smooth, at_rest, jnp.array([100.0]))
         return loads.loss_torque["wall"][0] + loads.loss_torque["link_slider"][0]
 
-    value, slope = jax.value_and_grad(loss)(jnp.asarray(0.0))
+    value, slope = jax.jit(jax.value_and_grad(loss))(jnp.asarray(0.0))
     assert value == 0
     assert slope > 0
 
@@ -258,7 +258,7 @@ def test_weights_enter_every_balance():
     """The bearings carry the sum of weight and inertia, and the energy balance stays closed."""
     m, shaft = machine(piston_centre_lead=0.02, offset=-1e-3), crankshaft(mass_centre=0.03)
     state, gas = random_states(200, 29)
-    field = jnp.array([4.0, -9.0])
+    field = np.array([4.0, -9.0])
     friction = coulomb_friction(0.15, 0.1)
     made = compressor(m, friction, shaft, gravity=field)
     loads = loads_at(made, state, gas)
@@ -275,7 +275,7 @@ def test_weights_enter_every_balance():
         0.024 * each.forces["upper_bearing"] + 0.066 * each.forces["lower_bearing"]
         for each in (loads, plain)
     )
-    weight = jnp.broadcast_to(-0.03 * 1.2 * field[:, None], tilt.shape)
+    weight = np.broadcast_to(-0.03 * 1.2 * field[:, None], tilt.shape)
     np.testing.assert_allclose(tilt - tilt_still, weight, rtol=1e-11, atol=1e-11)
 
     # torque of all weights = slope of their potential
@@ -285,7 +285,7 @@ def test_weights_enter_every_balance():
         carried = (m.slider_mass * R + shaft.unbalance) * pin
         return field @ carried + field[0] * m.piston_mass * R * jnp.cos(angle)
 
-    torque = jax.vmap(jax.grad(potential))(state.angle)
+    torque = np.asarray(jax.jit(jax.vmap(jax.grad(potential)))(state.angle))
     whole = instants(made, state.angle)
     np.testing.assert_allclose(whole.conservative, torque, rtol=1e-12, atol=1e-14)
     # the power identity with weights: (29) from the pin force against the reduced form
@@ -293,10 +293,10 @@ def test_weights_enter_every_balance():
         v for k, v in loads.loss_torque.items() if k not in ("wall", "piston_film", "link_slider")
     )
     R = m.crank_radius
-    crank_weight = jax.vmap(jax.grad(
+    crank_weight = jax.jit(jax.vmap(jax.grad(
         lambda a: shaft.unbalance * (field[0] * jnp.cos(a) + field[1] * jnp.sin(a))
-    ))(state.angle)  # fmt: skip
-    pin = R * (f["crank_pin"][0] * jnp.sin(state.angle) - f["crank_pin"][1] * jnp.cos(state.angle))
+    )))(state.angle)  # fmt: skip
+    pin = R * (f["crank_pin"][0] * np.sin(state.angle) - f["crank_pin"][1] * np.cos(state.angle))
     motor = shaft.inertia * state.acceleration + drag - pin - crank_weight
     reduced = whole.inertia * state.acceleration + 0.5 * whole.inertia_1 * state.speed**2
     reduced = reduced + loads.total_loss_torque + gas * m.piston(state.angle)[1] - torque

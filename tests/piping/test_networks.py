@@ -30,9 +30,16 @@ from jaxcomp.piping import (
     resonances,
     root_near,
 )
-from jaxcomp.piping._network import no_drag, response, steady_response
+from jaxcomp.piping import _network as _equations
+from jaxcomp.piping import pipe as _walls
+from jaxcomp.piping._network import no_drag
 from jaxcomp.piping._resonances import lowest_resonances
-from jaxcomp.piping.pipe import wall_function
+
+# of the equations within programs, a program of each for all tests
+response = jax.jit(_equations.response)
+steady_response = jax.jit(_equations.steady_response)
+walled_line = jax.jit(_walls.walled_line)
+wall_function = jax.jit(_walls.wall_function)
 
 C = np.sqrt(1.4 * 287 * 300)
 AIR = PipeGas(1e5, 1e5 / (287 * 300), C, 1.4, 1.85e-5, 0.71)
@@ -52,7 +59,8 @@ def straight(length=1.0, diameter=0.05, end="open", **losses):
 
 
 def impedance(piping, frequency, gas=AIR):
-    return complex(impedances(network_of(piping, gas), gas, jnp.asarray([frequency]))[0, 0, 0])
+    at = jnp.asarray([frequency], float)
+    return complex(impedances(network_of(piping, gas), gas, at)[0, 0, 0])
 
 
 @pytest.mark.parametrize(
@@ -66,8 +74,6 @@ def impedance(piping, frequency, gas=AIR):
 )
 def test_losses_of_walls(diameter, frequency, alpha, phase_speed, ratio):
     # 1e-7: the expansion of the Bessel functions for wide pipes is good to 3e-8
-    from jaxcomp.piping.pipe import walled_line
-
     s = 2j * np.pi * frequency
     line = walled_line(AIR, jnp.asarray(diameter), jnp.asarray(s))
     propagation = complex(jnp.sqrt(line.series) * jnp.sqrt(line.shunt))
@@ -128,8 +134,10 @@ def test_derivative_of_a_resonance():
         network = network_of(straight(length=length), AIR)
         return root_near(network, AIR, 2j * jnp.pi * 86.0 + 0.0).imag / (2 * jnp.pi)
 
-    slope = jax.grad(frequency)(1.0)
-    difference = (frequency(1.0 + 1e-4) - frequency(1.0 - 1e-4)) / 2e-4
+    # one program for values and slopes: to compile another takes longer than its answers
+    both = jax.jit(jax.value_and_grad(frequency))
+    slope = both(1.0)[1]
+    difference = (both(1.0 + 1e-4)[0] - both(1.0 - 1e-4)[0]) / 2e-4
     assert float(slope) == pytest.approx(float(difference), rel=1e-6)
     # f is nearly c/4L
     assert float(slope) == pytest.approx(-86.18, rel=0.01)
@@ -353,21 +361,25 @@ def test_derivatives_of_an_impedance():
         return jnp.log(jnp.abs(z))
 
     point = (0.8, 0.04, 1e-4, 0.02)
-    slopes = jax.grad(size, argnums=(0, 1, 2, 3))(*point)
+    both = jax.jit(jax.value_and_grad(size, argnums=(0, 1, 2, 3)))
+    slopes = both(*point)[1]
     for place, slope in enumerate(slopes):
         step = 1e-5 * point[place]
         up = [value + step * (number == place) for number, value in enumerate(point)]
         down = [value - step * (number == place) for number, value in enumerate(point)]
-        assert float(slope) == pytest.approx(float(size(*up) - size(*down)) / (2 * step), rel=1e-6)
+        difference = (both(*up)[0] - both(*down)[0]) / (2 * step)
+        assert float(slope) == pytest.approx(float(difference), rel=1e-6)
 
 
 def test_derivatives_through_walls_are_finite_and_right():
     def size(diameter):
         piping = Piping((Pipes(("flange", "line"), 0.8, diameter),))
-        return jnp.abs(impedances(network_of(piping, AIR), AIR, jnp.asarray([70.0, 7.0]))[:, 0, 0])
+        z = impedances(network_of(piping, AIR), AIR, jnp.asarray([70.0, 7.0]))[:, 0, 0]
+        return jnp.abs(z), jnp.abs(z)
 
-    slope = jax.jacfwd(size)(0.02)
-    difference = (size(0.02 + 1e-6) - size(0.02 - 1e-6)) / 2e-6
+    both = jax.jit(jax.jacfwd(size, has_aux=True))
+    slope = both(0.02)[0]
+    difference = (both(0.02 + 1e-6)[1] - both(0.02 - 1e-6)[1]) / 2e-6
     np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
@@ -438,10 +450,12 @@ def test_lowest_resonances_within_a_program():
 
     def parts(length):
         lowest = lowest_resonances(network_of(straight(length=length), AIR), AIR, 2)
-        return jnp.concatenate([lowest.frequency, lowest.quality])
+        numbers = jnp.concatenate([lowest.frequency, lowest.quality])
+        return numbers, numbers
 
-    slopes = jax.jit(jax.jacrev(parts))(1.0)
-    difference = (parts(1.0 + 1e-4) - parts(1.0 - 1e-4)) / 2e-4
+    both = jax.jit(jax.jacrev(parts, has_aux=True))
+    slopes = both(1.0)[0]
+    difference = (both(1.0 + 1e-4)[1] - both(1.0 - 1e-4)[1]) / 2e-4
     np.testing.assert_allclose(slopes, difference, rtol=1e-6)
     damped = lowest_resonances(network_of(straight(attenuation=3.0), AIR), AIR, 2)
     assert np.isinf(damped.frequency).all()
