@@ -49,6 +49,8 @@ def settings(made):
     yield "default", default_collocation(made)
     yield "not located", UNLOCATED
     yield "located", Collocation(reversals=made.load_reversals)
+    # as a single cylinder is solved
+    yield "followed", Collocation(reversals=made.load_reversals, grading=3, follow=True)
 
 
 def least(function, *arguments, calls: int = 20) -> float:
@@ -125,6 +127,7 @@ def main() -> None:
     options.add_argument("--designs", type=int, default=64, help="of a batch")
     options.add_argument("--width", type=int, default=8, help="designs in step")
     options.add_argument("--cylinders", type=int, nargs="*", default=list(GOLDEN))
+    options.add_argument("--settings", nargs="*", help="names of those to measure, for all")
     options.add_argument("--slopes", nargs="*", metavar="MACHINE", help="errors of derivatives")
     given = options.parse_args()
     if given.slopes is not None:
@@ -142,6 +145,8 @@ def main() -> None:
             numbers,
         )
         for name, solver in settings(made):
+            if given.settings and name not in given.settings:
+                continue
 
             def efficiency(p, rest=rest, solver=solver):
                 return solve_orbit(eqx.combine(p, rest), solver, throw=False).mechanical_efficiency
