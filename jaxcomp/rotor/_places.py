@@ -1,5 +1,6 @@
 """The blocks of a model in the places where the elimination along lines of nodes takes them."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -29,6 +30,7 @@ class Places(NamedTuple):
     border: Array
 
 
+@lru_cache(maxsize=64)
 def border_blocks(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     """Blocks of the border that anything fills; of many border nodes few are coupled to each other.
 

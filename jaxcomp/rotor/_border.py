@@ -1,0 +1,310 @@
+"""The border of an elimination along lines of nodes, solved in full.
+
+Coordinates of border nodes without links (slopes, mostly) are eliminated in the whirl components, while p
+and q are still apart. What remains, joined by links and bodies, is solved in the planes by a dense
+factorisation with pivoting.
+
+Most border nodes are fixed to a rigid body and coupled to nothing else, or only where a magnetic pull
+acts. What is zero by construction stays out of every product.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex
+
+from ._blocks import lu_factor, lu_solve, real_times, times_real
+from ._conventions import add, take, to_components, to_planes_of_components
+from ._layout import BORDER, Layout
+from ._operator import Operator
+from ._places import border_blocks
+
+
+class BorderFactor(NamedTuple):
+    """Factors of a border at one speed.
+
+    Attributes:
+        inner: LU of the untouched border coordinates, per kind of component.
+        cross: their coupling to the touched ones that have any, per kind of component.
+        reach: their response to the same, per kind of component.
+        lu: LU of the touched border coordinates, or of the independent ones among them.
+        motion: (touched, independent) touched border coordinates from the independent ones, or None for
+            all.
+        weight: (independent,) scaling of the border matrix.
+    """
+
+    inner: tuple
+    cross: tuple
+    reach: tuple
+    lu: tuple
+    motion: Array | None
+    weight: Array
+
+
+def factorise_border(z: Operator, border: Array) -> BorderFactor:
+    """Factorise the blocks (r, 4, components) that the segments leave on the border.
+
+    Args:
+        z: the dynamic stiffness, whose links and bodies act on the border.
+        border: the blocks for the numbers of `border_blocks`.
+    """
+    layout = z.system.layout
+    b = len(layout.border)
+    _, place = border_blocks(layout)
+    # A block of zeros behind the last one is what the empty places read.
+    entries = jnp.concatenate([border, jnp.zeros_like(border[:1])]).reshape(-1, border.shape[-1])
+    inner = []
+    cross = []
+    reach = []
+    reduced = []
+    for kind in border_kinds(layout):
+        # Untouched coordinates first: they are eliminated while p and q are still apart, in matrices of
+        # half the size.
+        order = np.concatenate([kind.free, kind.keep[: kind.coupled]])
+        row = order[:, None]
+        column = order
+        # Blocks of the border are four numbers each, row by row.
+        entry = 4 * place[row // 2 * b + column // 2] + row % 2 * 2 + column % 2
+        a = jnp.moveaxis(take(entries, entry)[..., kind.components], -1, 0)
+        f = len(kind.free)
+        near = f + kind.near
+        lu = lu_factor(a[:, :f, :f])
+        coupling = a[:, :f, f:near]
+        response = lu_solve(lu, coupling)
+        inner.append(lu)
+        cross.append(coupling)
+        reach.append(response)
+        beyond = kind.coupled - kind.near
+        taken = jnp.pad(
+            jnp.swapaxes(coupling, -1, -2) @ response, ((0, 0), (0, beyond), (0, beyond))
+        )
+        reduced.append(a[:, f:, f:] - taken)
+    motion = None
+    if layout.free.all():
+        independent = jnp.eye(len(_touched_numbers(layout)))
+        small = _in_planes(reduced)
+    else:
+        motion = independent = _border_motion(layout, z.system.arms)
+        small = _condensed(layout, reduced, motion)
+    held = _held_in_one_plane(layout)
+    if held.any():
+        small = small + (independent.T * held) @ independent
+    small = small + _links_and_bodies(layout, z, independent)
+    # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
+    size = jnp.abs(jnp.diagonal(small))
+    weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
+    lu = lu_factor(weight[:, None] * small * weight)
+    return BorderFactor(tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
+
+
+def solve_border(
+    layout: Layout, factor: BorderFactor, g: Complex[Array, "b 2 l"], transpose: bool
+) -> Complex[Array, "b 2 l"]:
+    """Motion of the border nodes for the loads on them, in components."""
+    b = len(layout.border)
+    flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
+    reduced = []
+    inside = []
+    kinds = border_kinds(layout)
+    for k, kind in enumerate(kinds):
+        f = len(kind.free)
+        load = take(flat[kind.components].T, np.concatenate([kind.free, kind.keep])).T
+        # In the components all blocks are symmetric and stand for Z^T too; only the border, where
+        # links and bodies join p and q, has to be transposed.
+        x = lu_solve(factor.inner[k], load[:, :f, None])[..., 0]
+        crossed = real_times(jnp.swapaxes(factor.cross[k], 1, 2), x[..., None])[..., 0]
+        near = f + kind.near
+        reduced.append(jnp.concatenate([load[:, f:near] - crossed, load[:, near:]], 1))
+        inside.append(x)
+    # Links and bodies act along x and y: the rest of the border is solved in the planes.
+    planes = [to_planes_of_components(reduced[0][None], transpose)[0], *reduced[1:]]
+    rhs = jnp.concatenate([p.reshape(-1) for p in planes])
+    if factor.motion is not None:
+        rhs = real_times(factor.motion.T, rhs[:, None])[:, 0]
+    y = lu_solve(factor.lu, (factor.weight * rhs)[:, None], transpose)[:, 0]
+    y = factor.weight * y
+    if factor.motion is not None:
+        y = real_times(factor.motion, y[:, None])[:, 0]
+    out = []
+    used = 0
+    for k, kind in enumerate(kinds):
+        components = len(kind.components)
+        touched = y[used : used + components * len(kind.keep)].reshape(components, -1)
+        used += touched.size
+        if k == 0:  # the lateral planes go back to the components p and q
+            touched = to_components(touched[None], transpose)[0]
+        near = touched[:, : kind.near]
+        untouched = inside[k] - real_times(factor.reach[k], near[..., None])[..., 0]
+        # from "untouched first" back to node by node
+        order = np.argsort(np.concatenate([kind.free, kind.keep]))
+        out.append(take(jnp.concatenate([untouched, touched], 1).T, order))
+    return jnp.concatenate(out, 1).reshape(b, 2, -1)
+
+
+def _held_in_one_plane(layout):
+    """(touched,) The same for those of one lateral plane whose like in the other plane is acted on.
+
+    The components p and q mix the two planes, so that this has to wait for the planes.
+    """
+    lateral, *axial = border_kinds(layout)
+    loose = np.swapaxes(layout.loose[:, :2], 0, 1).reshape(2, -1)[:, lateral.keep]
+    alone = (loose & ~loose.all(0)).reshape(-1)
+    return np.append(alone, np.zeros(sum(len(kind.keep) for kind in axial))).astype(float)
+
+
+class BorderKind(NamedTuple):
+    """Border coordinates in whirl components of one kind, lateral or axial.
+
+    Attributes:
+        components: numbers of the components.
+        free: the untouched coordinates, numbers in 2 b.
+        keep: the touched ones, first those that the untouched ones are coupled to.
+        near: how many of the touched ones these are.
+        coupled: how many of them, from the first, have any entry; the others are moved by bodies alone.
+    """
+
+    components: np.ndarray
+    free: np.ndarray
+    keep: np.ndarray
+    near: int
+    coupled: int
+
+
+@lru_cache(maxsize=64)
+def border_kinds(layout: Layout) -> tuple[BorderKind, ...]:
+    """The kinds of components, of which a model of 4 degrees of freedom has one."""
+    # p and q are both x and y: what a link touches in one plane it touches in both components.
+    touched = [layout.touched[:, 0] | layout.touched[:, 1]]
+    components = [np.array([0, 1])]
+    if layout.dof == 6:
+        touched.append(layout.touched[:, 2])
+        components.append(np.array([2]))
+    kinds = []
+    for of_kind, of_coordinates in zip(components, touched, strict=True):
+        flat = of_coordinates.reshape(-1)
+        free = np.flatnonzero(~flat)
+        keep = np.flatnonzero(flat)
+        filled = _filled(layout, of_kind[0])
+        near = filled[np.ix_(free, keep)].any(0)
+        coupled = near | filled[np.ix_(keep, keep)].any(0)
+        if layout.free.all():  # no motion of bodies brings the others back
+            coupled = np.ones_like(near)
+        # a stable order, so that neighbours stay together
+        order = np.argsort(2 - near - coupled, kind="stable")
+        kinds.append(BorderKind(of_kind, free, keep[order], int(near.sum()), int(coupled.sum())))
+    return tuple(kinds)
+
+
+def _filled(layout, component) -> np.ndarray:
+    """(2 b, 2 b) Entries of the border in a component that are not zero by construction."""
+    b = len(layout.border)
+    blocks: np.ndarray = np.zeros((b, 2, b, 2), bool)
+    place = np.full(layout.n + 1, b)
+    place[layout.border] = np.arange(b)
+    *_, link_axes, _, disks, masses = layout.key
+    with_matrices = place[np.array([*layout.pairs.reshape(-1), *disks, *masses], int)]
+    at = layout.slots[:, 0] == BORDER
+    joined = np.concatenate([layout.slots[at, 1:3], layout.ends.T])
+    for first, second in [*joined, *zip(with_matrices, with_matrices, strict=True)]:
+        ends = [end for end in (first, second) if end < b]
+        blocks[np.ix_(ends, (0, 1), ends)] = True
+    for nodes, axes, _ in link_axes:
+        # a magnetic pull, the link without axes, acts on displacements of the lateral components only
+        if not axes and component < 2:
+            ends = [end for end in place[list(nodes)] if end < b]
+            blocks[np.ix_(ends, (0,), ends, (0,))] = True
+    loose = layout.loose[:, 2] if component == 2 else layout.loose[:, 0] & layout.loose[:, 1]
+    return blocks.reshape(2 * b, 2 * b) | np.diag(loose.reshape(-1))
+
+
+def _touched_numbers(layout):
+    """Numbers (in n * dof, in the order of the planes) of the touched border coordinates.
+
+    Their order: x plane, y plane, then axial and torsion.
+    """
+    kinds = border_kinds(layout)
+    out = []
+    for plane in range(layout.dof // 2):
+        keep = kinds[0 if plane < 2 else 1].keep
+        out.append(layout.border[keep // 2] * layout.dof + 2 * plane + keep % 2)
+    return np.concatenate(out).astype(int)
+
+
+def _border_motion(layout, arms):
+    """Touched border coordinates from the independent ones among them."""
+    numbers = _touched_numbers(layout)
+    free = layout.moving.reshape(-1)[numbers]
+    # independent coordinates stand for themselves; the arms fill the rows of those that follow
+    fixed = jnp.asarray(np.diag(layout.free.reshape(-1)[numbers] * 1.0))
+    return _scattered(layout, fixed, *layout.ties.nodes, arms)[:, free]
+
+
+def _links_and_bodies(layout, z, independent):
+    """Stiffness of links and bodies on the independent coordinates of the border."""
+    count = len(z.system.model.links)
+    numbers = _touched_numbers(layout)
+    dof = layout.dof
+    place = np.full((layout.n + 1) * dof, len(numbers))
+    place[numbers] = np.arange(len(numbers))
+    place = place.reshape(-1, dof)
+    # The ground, and a coordinate that no link acts on, read a motion of zero.
+    independent = jnp.concatenate([independent, jnp.zeros_like(independent[:1])])
+    ends = take(independent, place[layout.links[:count]])  # (l, 2, dof, free)
+    # Links resist relative motions, which are subtracted before anything else, and bodies their own.
+    stretch = jnp.concatenate([ends[:, 0] - ends[:, 1], take(independent, place[layout.centres])])
+    blocks = jnp.concatenate([z.links[:count], z.bodies])
+    push = times_real(blocks, stretch)
+    rows = len(blocks) * dof
+    return times_real(push.reshape(rows, -1).T, stretch.reshape(rows, -1)).T
+
+
+def _scattered(layout, matrix, rows, columns, blocks):
+    """A matrix over the touched border coordinates with blocks (., dof, dof) of nodes added to it."""
+    dof = layout.dof
+    size = len(matrix)
+    place = np.full((layout.n + 1) * dof, -1)
+    place[_touched_numbers(layout)] = np.arange(size)
+    rows = place[rows[:, None] * dof + np.arange(dof)][:, :, None]
+    columns = place[columns[:, None] * dof + np.arange(dof)][:, None, :]
+    # Ground and untouched coordinates have no place: behind the matrix, where `add` leaves them out.
+    at = np.where((rows < 0) | (columns < 0), size**2, rows * size + columns)
+    return add(matrix.reshape(-1), at, blocks).reshape(size, size)
+
+
+def _condensed(layout, reduced, motion):
+    """A border in components on the coordinates that move it, see `_in_planes` for the planes.
+
+    The whole border in planes is never formed: the components are multiplied by the motions of the
+    planes, which are alike at all speeds, and only what comes of that is brought to planes.
+    """
+    kinds = border_kinds(layout)
+    free = motion.shape[1]
+    rows = []
+    first = 0
+    for plane in range(layout.dof // 2):
+        kind = kinds[0 if plane < 2 else 1]
+        rows.append(motion[first : first + kind.coupled])
+        first += len(kind.keep)
+    lateral = jnp.concatenate(rows[:2], 1)
+    p, q = times_real(reduced[0], lateral)  # (k, 2 free) each
+    mean = (p + q) / 2
+    half = 0.5j * (p - q)
+    along = [mean[:, :free] + half[:, free:], mean[:, free:] - half[:, :free]]
+    if len(reduced) > 1:
+        along.append(times_real(reduced[1][0], rows[2]))
+    return times_real(jnp.concatenate(along).T, jnp.concatenate(rows)).T
+
+
+def _in_planes(reduced):
+    """From components to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
+    p, q = reduced[0]
+    mean = (p + q) / 2
+    half = 0.5j * (p - q)
+    out = jnp.block([[mean, half], [-half, mean]])
+    if len(reduced) == 1:
+        return out
+    # axial and torsional motion has no planes: it keeps a block of its own
+    return jax.scipy.linalg.block_diag(out, reduced[1][0])
