@@ -11,29 +11,29 @@ acts. What is zero by construction stays out of every product.
 from functools import lru_cache
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ._blocks import lu_factor, lu_solve, real_times, times_real
-from ._conventions import add, take, to_components, to_planes_of_components
+from ._blocks import lu_factor, lu_solve, real_times_each
+from ._conventions import add, take, to_components, to_planes_of_components, trailing
 from ._layout import BORDER, Layout
 from ._operator import Operator
 from ._places import border_blocks
 
 
 class BorderFactor(NamedTuple):
-    """Factors of a border at one speed.
+    """Factors of a border at one speed, or at each of a list.
 
     Attributes:
-        inner: LU of the untouched border coordinates, per kind of component.
-        cross: their coupling to the touched ones that have any, per kind of component.
-        reach: their response to the same, per kind of component.
-        lu: LU of the touched border coordinates, or of the independent ones among them.
+        inner: LU of the untouched border coordinates, per kind of component; speeds first.
+        cross: (untouched, near, components, *speeds) their coupling to the touched ones that have any,
+            per kind.
+        reach: the same of their response to them.
+        lu: LU of the touched border coordinates, or of the independent ones among them; speeds first.
         motion: (touched, independent) touched border coordinates from the independent ones, or None for
             all.
-        weight: (independent,) scaling of the border matrix.
+        weight: (independent, *speeds) scaling of the border matrix.
     """
 
     inner: tuple
@@ -45,7 +45,7 @@ class BorderFactor(NamedTuple):
 
 
 def factorise_border(z: Operator, border: Array) -> BorderFactor:
-    """Factorise the blocks (r, 4, components) that the segments leave on the border.
+    """Factorise the blocks (r, 4, components, *speeds) that the segments leave on the border.
 
     Args:
         z: the dynamic stiffness, whose links and bodies act on the border.
@@ -55,7 +55,7 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
     b = len(layout.border)
     _, place = border_blocks(layout)
     # A block of zeros behind the last one is what the empty places read.
-    entries = jnp.concatenate([border, jnp.zeros_like(border[:1])]).reshape(-1, border.shape[-1])
+    entries = jnp.concatenate([border, jnp.zeros_like(border[:1])]).reshape(-1, *border.shape[2:])
     inner = []
     cross = []
     reach = []
@@ -68,20 +68,18 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
         column = order
         # Blocks of the border are four numbers each, row by row.
         entry = 4 * place[row // 2 * b + column // 2] + row % 2 * 2 + column % 2
-        a = jnp.moveaxis(take(entries, entry)[..., kind.components], -1, 0)
+        a = take(entries, entry)[:, :, kind.components]
         f = len(kind.free)
-        near = f + kind.near
-        lu = lu_factor(a[:, :f, :f])
-        coupling = a[:, :f, f:near]
-        response = lu_solve(lu, coupling)
+        lu = lu_factor(_speeds_first(a[:f, :f]))
+        coupling = a[:f, f : f + kind.near]
+        response = _speeds_last(lu_solve(lu, _speeds_first(coupling)))
         inner.append(lu)
         cross.append(coupling)
         reach.append(response)
-        beyond = kind.coupled - kind.near
-        taken = jnp.pad(
-            jnp.swapaxes(coupling, -1, -2) @ response, ((0, 0), (0, beyond), (0, beyond))
-        )
-        reduced.append(a[:, f:, f:] - taken)
+        by_inner = jnp.sum(coupling[:, :, None] * response[:, None], 0)
+        beyond = (0, kind.coupled - kind.near)
+        fill = [beyond, beyond] + [(0, 0)] * (a.ndim - 2)
+        reduced.append(a[f:, f:] - jnp.pad(by_inner, fill))
     motion = None
     if layout.free.all():
         independent = jnp.eye(len(_touched_numbers(layout)))
@@ -89,59 +87,76 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
     else:
         motion = independent = _border_motion(layout, z.system.arms)
         small = _condensed(layout, reduced, motion)
+    speeds = small.ndim - 2
     held = _held_in_one_plane(layout)
     if held.any():
-        small = small + (independent.T * held) @ independent
+        small = small + trailing((independent.T * held) @ independent, speeds)
     small = small + _links_and_bodies(layout, z, independent)
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
-    size = jnp.abs(jnp.diagonal(small))
+    size = jnp.abs(jnp.einsum("ii...->i...", small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
-    lu = lu_factor(weight[:, None] * small * weight)
+    lu = lu_factor(_speeds_first(weight[:, None] * small * weight))
     return BorderFactor(tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
 
 
+def _speeds_first(a: Array) -> Array:
+    """Matrices (m, n, ...) as a library takes them, (..., m, n)."""
+    return jnp.moveaxis(a, (0, 1), (-2, -1))
+
+
+def _speeds_last(a: Array) -> Array:
+    """The way back of `_speeds_first`."""
+    return jnp.moveaxis(a, (-2, -1), (0, 1))
+
+
+def _solved(lu, load: Array, transpose: bool = False) -> Array:
+    """Solution for one load (n, ...)."""
+    return _speeds_last(lu_solve(lu, _speeds_first(load[:, None]), transpose))[:, 0]
+
+
 def solve_border(
-    layout: Layout, factor: BorderFactor, g: Complex[Array, "b 2 l"], transpose: bool
-) -> Complex[Array, "b 2 l"]:
+    layout: Layout, factor: BorderFactor, g: Complex[Array, "b 2 l *speeds"], transpose: bool
+) -> Complex[Array, "b 2 l *speeds"]:
     """Motion of the border nodes for the loads on them, in components."""
-    b = len(layout.border)
-    flat = jnp.moveaxis(g.reshape(2 * b, -1), -1, 0)  # (components, 2 b)
-    reduced = []
+    flat = g.reshape(-1, *g.shape[2:])
+    planes = []
     inside = []
     kinds = border_kinds(layout)
     for k, kind in enumerate(kinds):
+        load = take(flat, np.concatenate([kind.free, kind.keep]))[:, kind.components]
         f = len(kind.free)
-        load = take(flat[kind.components].T, np.concatenate([kind.free, kind.keep])).T
         # In the components all blocks are symmetric and stand for Z^T too; only the border, where
         # links and bodies join p and q, has to be transposed.
-        x = lu_solve(factor.inner[k], load[:, :f, None])[..., 0]
-        crossed = real_times(jnp.swapaxes(factor.cross[k], 1, 2), x[..., None])[..., 0]
-        near = f + kind.near
-        reduced.append(jnp.concatenate([load[:, f:near] - crossed, load[:, near:]], 1))
+        x = _solved(factor.inner[k], load[:f])
         inside.append(x)
-    # Links and bodies act along x and y: the rest of the border is solved in the planes.
-    planes = [to_planes_of_components(reduced[0][None], transpose)[0], *reduced[1:]]
-    rhs = jnp.concatenate([p.reshape(-1) for p in planes])
+        crossed = jnp.sum(factor.cross[k] * x[:, None], 0)
+        near = f + kind.near
+        reduced = jnp.concatenate([load[f:near] - crossed, load[near:]])
+        # Links and bodies act along x and y: what is left of the border is solved in the planes.
+        if k == 0:
+            reduced = to_planes_of_components(reduced, transpose)
+        planes.append(jnp.swapaxes(reduced, 0, 1).reshape(-1, *g.shape[3:]))
+    rhs = jnp.concatenate(planes)
     if factor.motion is not None:
-        rhs = real_times(factor.motion.T, rhs[:, None])[:, 0]
-    y = lu_solve(factor.lu, (factor.weight * rhs)[:, None], transpose)[:, 0]
-    y = factor.weight * y
+        rhs = real_times_each(factor.motion.T, rhs)
+    y = factor.weight * _solved(factor.lu, factor.weight * rhs, transpose)
     if factor.motion is not None:
-        y = real_times(factor.motion, y[:, None])[:, 0]
+        y = real_times_each(factor.motion, y)
     out = []
     used = 0
     for k, kind in enumerate(kinds):
         components = len(kind.components)
-        touched = y[used : used + components * len(kind.keep)].reshape(components, -1)
-        used += touched.size
+        size = components * len(kind.keep)
+        touched = y[used : used + size].reshape(components, -1, *g.shape[3:])
+        touched = jnp.swapaxes(touched, 0, 1)
+        used += size
         if k == 0:  # the lateral planes go back to the components p and q
-            touched = to_components(touched[None], transpose)[0]
-        near = touched[:, : kind.near]
-        untouched = inside[k] - real_times(factor.reach[k], near[..., None])[..., 0]
+            touched = to_components(touched, transpose)
+        untouched = inside[k] - jnp.sum(factor.reach[k] * touched[: kind.near], 1)
         # from "untouched first" back to node by node
         order = np.argsort(np.concatenate([kind.free, kind.keep]))
-        out.append(take(jnp.concatenate([untouched, touched], 1).T, order))
-    return jnp.concatenate(out, 1).reshape(b, 2, -1)
+        out.append(take(jnp.concatenate([untouched, touched]), order))
+    return jnp.concatenate(out, 1).reshape(g.shape)
 
 
 def _held_in_one_plane(layout):
@@ -255,10 +270,11 @@ def _links_and_bodies(layout, z, independent):
     ends = take(independent, place[layout.links[:count]])  # (l, 2, dof, free)
     # Links resist relative motions, which are subtracted before anything else, and bodies their own.
     stretch = jnp.concatenate([ends[:, 0] - ends[:, 1], take(independent, place[layout.centres])])
-    blocks = jnp.concatenate([z.links[:count], z.bodies])
-    push = times_real(blocks, stretch)
+    blocks = jnp.concatenate([z.links[:count], z.bodies])[:, :, :, None]
+    speeds = blocks.ndim - 4
+    push = jnp.sum(blocks * trailing(stretch[:, None], speeds), 2)  # (l, dof, free, *speeds)
     rows = len(blocks) * dof
-    return times_real(push.reshape(rows, -1).T, stretch.reshape(rows, -1)).T
+    return real_times_each(stretch.reshape(rows, -1).T, push.reshape(rows, *push.shape[2:]))
 
 
 def _scattered(layout, matrix, rows, columns, blocks):
@@ -289,22 +305,29 @@ def _condensed(layout, reduced, motion):
         rows.append(motion[first : first + kind.coupled])
         first += len(kind.keep)
     lateral = jnp.concatenate(rows[:2], 1)
-    p, q = times_real(reduced[0], lateral)  # (k, 2 free) each
-    mean = (p + q) / 2
-    half = 0.5j * (p - q)
+    whirl = jnp.swapaxes(real_times_each(lateral.T, reduced[0]), 0, 1)  # (k, 2 free, 2, *speeds)
+    mean = (whirl[:, :, 0] + whirl[:, :, 1]) / 2
+    half = 0.5j * (whirl[:, :, 0] - whirl[:, :, 1])
     along = [mean[:, :free] + half[:, free:], mean[:, free:] - half[:, :free]]
     if len(reduced) > 1:
-        along.append(times_real(reduced[1][0], rows[2]))
-    return times_real(jnp.concatenate(along).T, jnp.concatenate(rows)).T
+        axial = real_times_each(rows[2].T, reduced[1][:, :, 0])
+        along.append(jnp.swapaxes(axial, 0, 1).astype(half.dtype))
+    return real_times_each(jnp.concatenate(rows).T, jnp.concatenate(along))
 
 
 def _in_planes(reduced):
     """From components to planes: S_xx = S_yy = (S_p + S_q)/2, S_xy = -S_yx = i (S_p - S_q)/2."""
-    p, q = reduced[0]
+    p = reduced[0][:, :, 0]
+    q = reduced[0][:, :, 1]
     mean = (p + q) / 2
     half = 0.5j * (p - q)
-    out = jnp.block([[mean, half], [-half, mean]])
+    of_planes = [[mean, half], [-half, mean]]
+    out = jnp.concatenate([jnp.concatenate(row, 1) for row in of_planes])
     if len(reduced) == 1:
         return out
     # axial and torsional motion has no planes: it keeps a block of its own
-    return jax.scipy.linalg.block_diag(out, reduced[1][0])
+    axial = reduced[1][:, :, 0]
+    behind = [(0, 0)] * (out.ndim - 2)
+    after = (0, len(axial))
+    before = (len(out), 0)
+    return jnp.pad(out, [after, after, *behind]) + jnp.pad(axial, [before, before, *behind])

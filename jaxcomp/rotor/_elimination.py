@@ -29,7 +29,7 @@ from jaxtyping import Array, Complex
 
 from ._blocks import inverse, minus, product, product_t, times, times_t
 from ._border import BorderFactor, factorise_border, solve_border
-from ._conventions import add, take, to_components, to_planes_of_components
+from ._conventions import add, take, to_components, to_planes_of_components, trailing
 from ._layout import Layout
 from ._operator import Operator
 from ._places import TURNED, at_speed, border_blocks
@@ -68,10 +68,10 @@ def factorise(z: Operator) -> Factor:
 
 
 def solve_factored(
-    layout: Layout, factor: Factor, load: Complex[Array, "n p 2"], *, transpose: bool
-) -> Complex[Array, "n p 2"]:
+    layout: Layout, factor: Factor, load: Complex[Array, "n p 2 *speeds"], *, transpose: bool
+) -> Complex[Array, "n p 2 *speeds"]:
     """Z^{-1} f or Z^{-T} f from the factors, without refinement."""
-    moving = jnp.asarray(layout.moving)
+    moving = trailing(jnp.asarray(layout.moving), load.ndim - 3)
     components = jnp.swapaxes(to_components(jnp.where(moving, load, 0.0), transpose), 1, 2)
     g = take(components, layout.border)
     m, c = layout.segment.shape
@@ -94,21 +94,21 @@ def solve_factored(
     where[layout.border] = np.arange(b)
     inside = layout.segment < layout.n
     where[layout.segment[inside]] = b + np.flatnonzero(inside)
-    x = jnp.concatenate([y, jnp.moveaxis(x, 1, 2).reshape(m * c, 2, -1)])
+    x = jnp.concatenate([y, jnp.moveaxis(x, 1, 2).reshape(m * c, *y.shape[1:])])
     return _planes(layout, take(x, where), load, transpose)
 
 
 def _planes(layout: Layout, components: Array, load: Array, transpose: bool) -> Array:
     """From components to planes; coordinates that do not move take the load as it is."""
     x = to_planes_of_components(jnp.swapaxes(components, 1, 2), transpose)
-    return jnp.where(jnp.asarray(layout.moving), x, load)
+    return jnp.where(trailing(jnp.asarray(layout.moving), x.ndim - 3), x, load)
 
 
 def _at_ends(layout, x):
     """Values (m, k, c, components) at the last nodes of the segments, (s, k, components)."""
-    m, k, c, components = x.shape
+    m, k, c, *behind = x.shape
     rows = layout.last_nodes[0] * c + layout.last_nodes[1]
-    return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, components), rows)
+    return take(jnp.moveaxis(x, 1, 2).reshape(m * c, k, *behind), rows)
 
 
 def _eliminate(layout, places, pulls):
@@ -119,9 +119,10 @@ def _eliminate(layout, places, pulls):
     """
     b = len(layout.border)
     _, place = border_blocks(layout)
+    loose = trailing(_held(layout), places.border.ndim - 3)
     if not layout.segment.size:
         border = add(places.border, place[pulls[0]], pulls[1])
-        return places.segment, places.right, border + _held(layout)
+        return places.segment, places.right, border + loose
 
     def step(carry, row):
         pivot, fill, on_border = carry
@@ -142,7 +143,7 @@ def _eliminate(layout, places, pulls):
         on_border = tuple(inside * total + entry for total, entry in sums)
         return (pivot, fill, on_border), jnp.stack([*pivot, *w, *back, *on_border])
 
-    inside = jnp.asarray(~layout.opening, float)[..., None]
+    inside = _inside(layout, places.segment)
     zero = jnp.zeros_like(places.segment[0, 0])
     # Any finite pivot will do, since the first node has N = 0.
     start = ((zero + 1, zero, zero + 1), (zero,) * 4, (zero,) * 3)
@@ -166,8 +167,13 @@ def _eliminate(layout, places, pulls):
     values = jnp.concatenate([on_near, on_far, between, between[TURNED]], 1).swapaxes(0, 1)
     rows = place[np.concatenate([*rows, pulls[0]])]
     values = jnp.concatenate([-values, pulls[1]])
-    border = add(places.border, rows, values) + _held(layout)
+    border = add(places.border, rows, values) + loose
     return segment, jnp.stack(to_right, 1), border
+
+
+def _inside(layout, x):
+    """(m, c, ...) Zero where a segment begins, for values x (m, k, c, ...) at the nodes."""
+    return trailing(jnp.asarray(~layout.opening, float), x.ndim - 3)
 
 
 def _held(layout):
@@ -200,10 +206,12 @@ def _magnetic_pulls(layout, z):
         np.where(to_ground, b * b, j * b + i),
     ]
     k = z.stiffness[count:, 0, 0]
+    speeds = k.ndim - 1
     components = np.zeros((4, layout.components))
     # entry (u, u) of a block, alike in p and q: a pull acts on displacements only
     components[0, :2] = 1.0
-    return np.concatenate(rows), jnp.concatenate([k, k, -k, -k])[:, None, None] * components
+    blocks = jnp.concatenate([k, k, -k, -k])[:, None, None] * trailing(components, speeds)
+    return np.concatenate(rows), blocks
 
 
 def _forward(layout, factor, r):
@@ -216,7 +224,7 @@ def _forward(layout, factor, r):
         on_left = inside * on_left + jnp.stack(times_t(blocks[_BACK], load))
         return (load, on_left), (load, on_left)
 
-    inside = jnp.asarray(~layout.opening, float)[..., None]
+    inside = _inside(layout, r)
     zero = jnp.zeros_like(r[0])
     return jax.lax.scan(step, (zero, zero), (r, factor.segment, inside))[1]
 
@@ -234,8 +242,8 @@ def _backward(layout, factor, r, y):
     motion = minus(times((a, b, b, d), jnp.moveaxis(r, 1, 0)), times(blocks[_BACK], near))
     end = jnp.stack(times(factor.to_right.swapaxes(0, 1), far), 1)  # (s, 2, components)
     rows = layout.last_nodes[0] * c + layout.last_nodes[1]
-    motion = add(jnp.stack(motion, 2).reshape(m * c, 2, -1), rows, -end)
-    motion = motion.reshape(m, c, 2, -1)
+    motion = add(jnp.stack(motion, 2).reshape(m * c, *end.shape[1:]), rows, -end)
+    motion = motion.reshape(m, c, *end.shape[1:])
 
     def step(carry, row):
         following, w_following = carry
