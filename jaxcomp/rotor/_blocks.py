@@ -1,5 +1,7 @@
 """Algebra of 2 x 2 blocks that are kept by components, see `_elimination`; factors of full matrices."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -53,7 +55,8 @@ def real_times(a: Array, b: Array) -> Array:
 
 def real_times_each(a: Array, b: Array) -> Array:
     """The product of a real matrix (m, n) with any array (n, ...)."""
-    return real_times(a, b.reshape(len(b), -1)).reshape(len(a), *b.shape[1:])
+    columns = math.prod(b.shape[1:])
+    return real_times(a, b.reshape(len(b), columns)).reshape(len(a), *b.shape[1:])
 
 
 def times_each(a: Array, x: Array) -> Array:

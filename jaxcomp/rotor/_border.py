@@ -15,8 +15,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex
 
-from ._blocks import lu_factor, lu_solve, real_times_each
+from ._blocks import from_parts, in_parts, lu_factor, real_times_each
 from ._conventions import add, take, to_components, to_planes_of_components, trailing
+from ._inner import (
+    DenseFactor,
+    LevelFactor,
+    Levels,
+    factorise_inner,
+    levels_of,
+    load_inner,
+    move_inner,
+    solve_one,
+    speeds_first,
+)
 from ._layout import BORDER, Layout
 from ._operator import Operator
 from ._places import border_blocks
@@ -26,19 +37,14 @@ class BorderFactor(NamedTuple):
     """Factors of a border at one speed, or at each of a list.
 
     Attributes:
-        inner: LU of the untouched border coordinates, per kind of component; speeds first.
-        cross: (untouched, near, components, *speeds) their coupling to the touched ones that have any,
-            per kind.
-        reach: the same of their response to them.
+        inner: those of the untouched border coordinates, per kind of component.
         lu: LU of the touched border coordinates, or of the independent ones among them; speeds first.
         motion: (touched, independent) touched border coordinates from the independent ones, or None for
             all.
         weight: (independent, *speeds) scaling of the border matrix.
     """
 
-    inner: tuple
-    cross: tuple
-    reach: tuple
+    inner: tuple[DenseFactor | LevelFactor, ...]
     lu: tuple
     motion: Array | None
     weight: Array
@@ -57,8 +63,6 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
     # A block of zeros behind the last one is what the empty places read.
     entries = jnp.concatenate([border, jnp.zeros_like(border[:1])]).reshape(-1, *border.shape[2:])
     inner = []
-    cross = []
-    reach = []
     reduced = []
     for kind in border_kinds(layout):
         # Untouched coordinates first: they are eliminated while p and q are still apart, in matrices of
@@ -70,13 +74,8 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
         entry = 4 * place[row // 2 * b + column // 2] + row % 2 * 2 + column % 2
         a = take(entries, entry)[:, :, kind.components]
         f = len(kind.free)
-        lu = lu_factor(_speeds_first(a[:f, :f]))
-        coupling = a[:f, f : f + kind.near]
-        response = _speeds_last(lu_solve(lu, _speeds_first(coupling)))
-        inner.append(lu)
-        cross.append(coupling)
-        reach.append(response)
-        by_inner = jnp.sum(coupling[:, :, None] * response[:, None], 0)
+        of_kind, by_inner = factorise_inner(kind.levels, a[:f, :f], a[:f, f : f + kind.near])
+        inner.append(of_kind)
         beyond = (0, kind.coupled - kind.near)
         fill = [beyond, beyond] + [(0, 0)] * (a.ndim - 2)
         reduced.append(a[f:, f:] - jnp.pad(by_inner, fill))
@@ -95,30 +94,15 @@ def factorise_border(z: Operator, border: Array) -> BorderFactor:
     # A unit diagonal lets the pivoting compare displacements with rotations, mounts with films.
     size = jnp.abs(jnp.einsum("ii...->i...", small))
     weight = 1 / jnp.sqrt(jnp.where(size > 0, size, 1.0))
-    lu = lu_factor(_speeds_first(weight[:, None] * small * weight))
-    return BorderFactor(tuple(inner), tuple(cross), tuple(reach), lu, motion, weight)
-
-
-def _speeds_first(a: Array) -> Array:
-    """Matrices (m, n, ...) as a library takes them, (..., m, n)."""
-    return jnp.moveaxis(a, (0, 1), (-2, -1))
-
-
-def _speeds_last(a: Array) -> Array:
-    """The way back of `_speeds_first`."""
-    return jnp.moveaxis(a, (-2, -1), (0, 1))
-
-
-def _solved(lu, load: Array, transpose: bool = False) -> Array:
-    """Solution for one load (n, ...)."""
-    return _speeds_last(lu_solve(lu, _speeds_first(load[:, None]), transpose))[:, 0]
+    lu = lu_factor(speeds_first(weight[:, None] * small * weight))
+    return BorderFactor(tuple(inner), lu, motion, weight)
 
 
 def solve_border(
     layout: Layout, factor: BorderFactor, g: Complex[Array, "b 2 l *speeds"], transpose: bool
 ) -> Complex[Array, "b 2 l *speeds"]:
     """Motion of the border nodes for the loads on them, in components."""
-    flat = g.reshape(-1, *g.shape[2:])
+    flat = g.reshape(2 * len(g), *g.shape[2:])
     planes = []
     inside = []
     kinds = border_kinds(layout)
@@ -127,19 +111,19 @@ def solve_border(
         f = len(kind.free)
         # In the components all blocks are symmetric and stand for Z^T too; only the border, where
         # links and bodies join p and q, has to be transposed.
-        x = _solved(factor.inner[k], load[:f])
-        inside.append(x)
-        crossed = jnp.sum(factor.cross[k] * x[:, None], 0)
+        loads, crossed = load_inner(factor.inner[k], kind.levels, load[:f])
+        inside.append(loads)
         near = f + kind.near
         reduced = jnp.concatenate([load[f:near] - crossed, load[near:]])
         # Links and bodies act along x and y: what is left of the border is solved in the planes.
         if k == 0:
             reduced = to_planes_of_components(reduced, transpose)
-        planes.append(jnp.swapaxes(reduced, 0, 1).reshape(-1, *g.shape[3:]))
+        rows = len(kind.components) * len(kind.keep)
+        planes.append(jnp.swapaxes(reduced, 0, 1).reshape(rows, *g.shape[3:]))
     rhs = jnp.concatenate(planes)
     if factor.motion is not None:
         rhs = real_times_each(factor.motion.T, rhs)
-    y = factor.weight * _solved(factor.lu, factor.weight * rhs, transpose)
+    y = factor.weight * solve_one(factor.lu, factor.weight * rhs, transpose)
     if factor.motion is not None:
         y = real_times_each(factor.motion, y)
     out = []
@@ -147,12 +131,13 @@ def solve_border(
     for k, kind in enumerate(kinds):
         components = len(kind.components)
         size = components * len(kind.keep)
-        touched = y[used : used + size].reshape(components, -1, *g.shape[3:])
+        touched = y[used : used + size].reshape(components, len(kind.keep), *g.shape[3:])
         touched = jnp.swapaxes(touched, 0, 1)
         used += size
         if k == 0:  # the lateral planes go back to the components p and q
             touched = to_components(touched, transpose)
-        untouched = inside[k] - jnp.sum(factor.reach[k] * touched[: kind.near], 1)
+        near = touched[: kind.near]
+        untouched = move_inner(factor.inner[k], kind.levels, inside[k], near)
         # from "untouched first" back to node by node
         order = np.argsort(np.concatenate([kind.free, kind.keep]))
         out.append(take(jnp.concatenate([untouched, touched]), order))
@@ -179,6 +164,7 @@ class BorderKind(NamedTuple):
         keep: the touched ones, first those that the untouched ones are coupled to.
         near: how many of the touched ones these are.
         coupled: how many of them, from the first, have any entry; the others are moved by bodies alone.
+        levels: of the untouched ones, see `levels_of`.
     """
 
     components: np.ndarray
@@ -186,6 +172,7 @@ class BorderKind(NamedTuple):
     keep: np.ndarray
     near: int
     coupled: int
+    levels: Levels
 
 
 @lru_cache(maxsize=64)
@@ -209,7 +196,15 @@ def border_kinds(layout: Layout) -> tuple[BorderKind, ...]:
             coupled = np.ones_like(near)
         # a stable order, so that neighbours stay together
         order = np.argsort(2 - near - coupled, kind="stable")
-        kinds.append(BorderKind(of_kind, free, keep[order], int(near.sum()), int(coupled.sum())))
+        kind = BorderKind(
+            components=of_kind,
+            free=free,
+            keep=keep[order],
+            near=int(near.sum()),
+            coupled=int(coupled.sum()),
+            levels=levels_of(filled[np.ix_(free, free)]),
+        )
+        kinds.append(kind)
     return tuple(kinds)
 
 
@@ -272,9 +267,10 @@ def _links_and_bodies(layout, z, independent):
     stretch = jnp.concatenate([ends[:, 0] - ends[:, 1], take(independent, place[layout.centres])])
     blocks = jnp.concatenate([z.links[:count], z.bodies])[:, :, :, None]
     speeds = blocks.ndim - 4
-    push = jnp.sum(blocks * trailing(stretch[:, None], speeds), 2)  # (l, dof, free, *speeds)
-    rows = len(blocks) * dof
-    return real_times_each(stretch.reshape(rows, -1).T, push.reshape(rows, *push.shape[2:]))
+    push = from_parts(jnp.sum(in_parts(blocks) * trailing(stretch[:, None], speeds), 3))
+    rows = len(blocks) * dof  # push (l, dof, free, *speeds)
+    columns = stretch.reshape(rows, stretch.shape[-1])
+    return real_times_each(columns.T, push.reshape(rows, *push.shape[2:]))
 
 
 def _scattered(layout, matrix, rows, columns, blocks):

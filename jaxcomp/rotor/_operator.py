@@ -54,7 +54,7 @@ class Operator(NamedTuple):
 
     @property
     def coefficients(self) -> Array:
-        """(q, l, *speeds) Factors of the terms in the components: stiffness, -w^2 of inertia, +-w W of polar.
+        """(q, l, ...) Factors of the terms in the components: stiffness, -w^2 of inertia, +-w W of polar.
 
         Real unless the structure itself is damped.
         """
@@ -153,7 +153,7 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bo
 
 
 def _inertia_forces(matrices, terms, x):
-    """Forces (m, l, i, ...) by matrices (m, i, j, q) with factors (q, l, ...) for motions (m, l, j, ...)."""
+    """Forces (m, l, i, ...) by matrices (m, i, j, q) with factors (q, l, ...), motions (m, l, j, ...)."""
     # Term by term, since a matrix at each speed would cost as much to put together as to multiply.
     forces = []
     for number, term in enumerate(terms):
@@ -178,7 +178,7 @@ def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:
 
 
 def link_force(layout: Layout, links: Array, x: Array) -> Array:
-    """[N], [N m] (l, dof, ...) Force of each link on its second node or the ground, from K (x_a - x_b)."""
+    """[N], [N m] (l, dof, ...) Force of links on their second node or the ground, from K (x_a - x_b)."""
     # the ground, whose number is that behind the last node, reads a motion of zero
     ground = jnp.concatenate([x, jnp.zeros_like(x[:1])])
     ends = take(ground, layout.links).reshape(-1, 2, layout.dof, *x.shape[3:])
