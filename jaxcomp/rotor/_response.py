@@ -168,7 +168,7 @@ def respond(
     *,
     nodes: tuple[Node, ...] | None = None,
     solver: Solver = "structured",
-    batch_size: int = 64,
+    batch_size: int = 32,
 ) -> Response:
     """Response to unbalances and periodic forces at many speeds and orders.
 
@@ -183,7 +183,7 @@ def respond(
         orders: orders n of the spin speed; the frequency is n W.
         nodes: the nodes to keep; absent: all, in the order of `node_names`.
         solver: "structured" or "dense".
-        batch_size: speeds solved side by side; more gain no time and take memory.
+        batch_size: speeds times orders solved side by side; more leave the nearest memory of a processor.
 
     Returns:
         Response with the batch (orders, speeds).
@@ -342,13 +342,14 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
         # full matrices, which a library factorises one by one
         at_speeds = at_each_speed
     count = spin_speeds.shape[0]
-    if count <= batch_size:
+    together = max(batch_size // len(orders), 1)
+    if count <= together:
         return at_speeds(spin_speeds)
     # Filled up to whole batches, because a remainder would be a second program to compile.
-    fill = -count % batch_size
+    fill = -count % together
     full = jnp.concatenate([spin_speeds, jnp.full(fill, spin_speeds[-1])])
     recomputed = jax.checkpoint(at_speeds, policy=_keep_motion)
-    batches = jax.lax.map(recomputed, full.reshape(-1, batch_size))
+    batches = jax.lax.map(recomputed, full.reshape(-1, together))
     # from (batches, orders, speeds of a batch, ...) to (orders, speeds, ...)
     joined = lambda a: jnp.swapaxes(a, 0, 1).reshape(len(orders), -1, *a.shape[3:])[:, :count]  # noqa: E731
     return jax.tree.map(joined, batches)

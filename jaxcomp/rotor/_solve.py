@@ -75,31 +75,7 @@ def make_solver(z: Operator, solver: Solver = "structured"):
             return solve_factored(z.system.layout, factor, b, transpose=transpose)
 
     def refined(b, transpose):
-        def residual(x, count):
-            # the first step starts from zero, where nothing has to be subtracted
-            return jax.lax.cond(
-                count == 0, lambda x: b, lambda x: b - apply(frozen, x, transpose=transpose), x
-            )
-
-        def step(state):
-            x, correction, count = state
-            change = base(residual(x, count), transpose)
-            refined = x + change
-            relative = _ratio(_size(weight * change), _size(weight * refined))
-            if correction.ndim:
-                # a speed that needs no further step keeps its motion while others go on
-                ends = correction <= _SMALL_CORRECTION
-                refined = jnp.where(ends, x, refined)
-                relative = jnp.where(ends, correction, relative)
-            return refined, relative, count + 1
-
-        def goes_on(state):
-            _, correction, count = state
-            return (correction > _SMALL_CORRECTION).any() & (count < _STEPS)
-
-        # From zero, so that the first step is the plain solution and the later ones refine it.
-        start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
-        return jax.lax.while_loop(goes_on, step, start)[:2]
+        return _refined(frozen, base, weight, b, transpose)
 
     def forward(_, b):
         x, correction = refined(from_parts(b), False)
@@ -129,6 +105,36 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         return Solution(x, correction, amplification, status)
 
     return solve
+
+
+def _refined(z, base, weight, b, transpose):
+    """Solution of Z x = b and the relative size of its last correction."""
+
+    def residual(x, count):
+        # the first step starts from zero, where nothing has to be subtracted
+        return jax.lax.cond(
+            count == 0, lambda x: b, lambda x: b - apply(z, x, transpose=transpose), x
+        )
+
+    def step(state):
+        x, correction, count = state
+        change = base(residual(x, count), transpose)
+        refined = x + change
+        relative = _ratio(_size(weight * change), _size(weight * refined))
+        if correction.ndim:
+            # a speed that needs no further step keeps its motion while others go on
+            ends = correction <= _SMALL_CORRECTION
+            refined = jnp.where(ends, x, refined)
+            relative = jnp.where(ends, correction, relative)
+        return refined, relative, count + 1
+
+    def goes_on(state):
+        _, correction, count = state
+        return (correction > _SMALL_CORRECTION).any() & (count < _STEPS)
+
+    # From zero, so that the first step is the plain solution and the later ones refine it.
+    start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
+    return jax.lax.while_loop(goes_on, step, start)[:2]
 
 
 def _size(x):
