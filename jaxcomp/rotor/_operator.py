@@ -1,5 +1,6 @@
 """The dynamic stiffness of a rotor at a spin speed and a frequency, as products with a motion."""
 
+import math
 from functools import partial
 from typing import NamedTuple
 
@@ -90,14 +91,21 @@ def operator_at(
 
 
 def apply(
-    z: Operator, x: Complex[Array, "n p 2 *speeds"], *, transpose=False
+    z: Operator, x: Complex[Array, "n p 2 *speeds"], *, transpose=False, differentiated=False
 ) -> Complex[Array, "n p 2 *speeds"]:
-    """Z x, or Z^T x."""
+    """Z x, or Z^T x.
+
+    Args:
+        z: the dynamic stiffness.
+        x: [m], [rad] the motion.
+        transpose: whether Z^T is meant.
+        differentiated: whether derivatives by the matrices of elements will be taken.
+    """
     system = z.system
     active = trailing(jnp.asarray(z.system.layout.moving), x.ndim - 3)
     # coordinates that do not move have the identity, see `Operator`
     inside = follow(system, jnp.where(active, x, 0.0))
-    f = collect(system, _node_forces(z, inside, transpose))
+    f = collect(system, _node_forces(z, inside, transpose, differentiated))
     if system.modal is not None:
         # C = sum v v^T is full and never formed: first the motion along every v, then the force along it.
         modal = jnp.einsum("mnpk,npk...->m...", system.modal, inside)
@@ -105,7 +113,7 @@ def apply(
     return jnp.where(active, f, x)
 
 
-def _node_forces(z: Operator, x: Complex[Array, "n p 2 *speeds"], transpose: bool):
+def _node_forces(z: Operator, x: Complex[Array, "n p 2 *speeds"], transpose, differentiated=False):
     """Forces on all nodes, each where it acts, for the motion of all nodes; without modal damping."""
     layout = z.system.layout
     links = z.links
@@ -113,7 +121,7 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2 *speeds"], transpose: boo
     if transpose:
         links = jnp.swapaxes(links, 1, 2)
         bodies = jnp.swapaxes(bodies, 1, 2)
-    f = add_links(layout, elastic_force(z, x, transpose), links, x)
+    f = add_links(layout, elastic_force(z, x, transpose, differentiated), links, x)
     if not len(bodies):
         return f
     of_bodies = take(x, layout.centres).reshape(-1, layout.dof, *x.shape[3:])
@@ -121,7 +129,9 @@ def _node_forces(z: Operator, x: Complex[Array, "n p 2 *speeds"], transpose: boo
     return add(f, layout.centres, of_bodies)
 
 
-def elastic_force(z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bool):
+def elastic_force(
+    z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bool, differentiated: bool = False
+):
     """Forces of shafts, disks and masses, in components and back."""
     system = z.system
     pairs = system.layout.pairs
@@ -129,7 +139,10 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bo
     components = to_components(x, transpose)
     terms = z.coefficients
     # Without the first term: disks and masses have no stiffness.
-    f = _inertia_forces(system.inertia[..., 1:], terms[1:], components)
+    times = _real_times_vectors
+    if differentiated and behind:
+        times = _real_times_columns
+    f = _inertia_forces(times, system.inertia[..., 1:], terms[1:], components)
     if len(pairs):
         ends = take(components, pairs)  # (e, 2, l, 2, *speeds)
         # Relative rotation and transverse deformation, subtracted before anything else.
@@ -138,7 +151,7 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bo
         half = trailing(system.half, len(behind))
         bent = jnp.stack([difference[:, :, 1], difference[:, :, 0] - half * turn], 2)
         stiff = 1.0 if system.damping is None else terms[0, 0]
-        load = stiff * _real_times_vectors(system.strain, bent)
+        load = stiff * times(system.strain, bent)
         # Without the stiffness, which has acted through the deformations.
         if system.dof == 4:
             inertia = system.elements[..., 1:]
@@ -147,17 +160,17 @@ def elastic_force(z: Operator, x: Inexact[Array, "n p 2 *speeds"], transpose: bo
             inertia = system.elements[..., [1, 2, 4]]
             terms = terms[np.array([1, 2, 4])]
         at = jnp.moveaxis(ends, 1, 2).reshape(len(pairs), -1, 4, *behind)
-        load = load + _inertia_forces(inertia, terms, at)
+        load = load + _inertia_forces(times, inertia, terms, at)
         f = add(f, pairs, jnp.moveaxis(load.reshape(*at.shape[:2], 2, 2, *behind), 2, 1))
     return to_planes_of_components(f, transpose)
 
 
-def _inertia_forces(matrices, terms, x):
+def _inertia_forces(times, matrices, terms, x):
     """Forces (m, l, i, ...) by matrices (m, i, j, q) with factors (q, l, ...), motions (m, l, j, ...)."""
     # Term by term, since a matrix at each speed would cost as much to put together as to multiply.
     forces = []
     for number, term in enumerate(terms):
-        forces.append(term[:, None] * _real_times_vectors(matrices[:, None, ..., number], x))
+        forces.append(term[:, None] * times(matrices[:, None, ..., number], x))
     return sum(forces[1:], forces[0])
 
 
@@ -167,6 +180,18 @@ def _real_times_vectors(matrices, x):
     # parts, because JAX would make the matrices complex.
     parts = in_parts(x)[:, :, :, None]
     return from_parts(jnp.sum(trailing(matrices, x.ndim - 3) * parts, 4))
+
+
+def _real_times_columns(matrices, x):
+    """The same by products of matrices, of which the derivatives by the matrices are products as well.
+
+    Sums over the speeds would not become vector instructions.
+    """
+    speeds = x.shape[3:]
+    columns = jnp.stack([x.real, x.imag], 3).reshape(*x.shape[:3], 2 * math.prod(speeds))
+    matrices = jnp.broadcast_to(matrices, (*x.shape[:2], *matrices.shape[2:]))
+    products = (matrices @ columns).reshape(*matrices.shape[:3], 2, *speeds)
+    return jax.lax.complex(products[:, :, :, 0], products[:, :, :, 1])
 
 
 def add_links(layout: Layout, f: Array, links: Array, x: Array) -> Array:

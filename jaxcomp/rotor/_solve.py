@@ -89,7 +89,7 @@ def make_solver(z: Operator, solver: Solver = "structured"):
     def solve(load: Complex[Array, "n p 2 *speeds"]) -> Solution:
         # In parts, because a checkpoint of JAX keeps no complex numbers.
         x, correction = jax.lax.custom_linear_solve(
-            lambda x: in_parts(apply(z, from_parts(x))),
+            lambda x: in_parts(apply(z, from_parts(x), differentiated=True)),
             in_parts(load.astype(complex)),
             forward,
             backward,
