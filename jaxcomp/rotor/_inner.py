@@ -168,17 +168,17 @@ def levels_of(coupled: Bool[np.ndarray, "f f"]) -> Levels:
         coupled: whether two coordinates are coupled, symmetric.
     """
     f = len(coupled)
-    left = set(range(f))
+    without_level = set(range(f))
     levels: list[list[int]] = []
-    while left:
+    while without_level:
         # Of all beginnings the one with the narrowest levels, whose width is the size of the pivots.
         choices = []
-        for start in sorted(left):
+        for start in sorted(without_level):
             choices.append(_levels_from(coupled, start))
         best = min(choices, key=lambda choice: (max(map(len, choice)), len(choice)))
         levels += best
         for level in best:
-            left -= set(level)
+            without_level -= set(level)
     numbers = np.full((len(levels), max(map(len, levels), default=0)), f)
     for number, level in enumerate(levels):
         numbers[number, : len(level)] = level
@@ -223,6 +223,6 @@ def _inverse(a):
         row = jnp.where(on_row, pivot, a[k] * pivot)
         column = jnp.where(on_row, 0.0, a[:, k])
         # the column becomes what the inverse has there, and the row is the scaled one
-        kept = jnp.where(on_row, 0.0, a)
-        a = jnp.where(on_row[:, None], row, kept - column[:, None] * row)
+        others = jnp.where(on_row, 0.0, a)
+        a = jnp.where(on_row[:, None], row, others - column[:, None] * row)
     return a

@@ -183,7 +183,7 @@ def _real_times_vectors(matrices, x):
 
 
 def _real_times_columns(matrices, x):
-    """The same by products of matrices, of which the derivatives by the matrices are products as well.
+    """Products as those of `_real_times_vectors`, with derivatives that are products of matrices as well.
 
     Sums over the speeds would not become vector instructions.
     """
