@@ -223,6 +223,6 @@ def _inverse(a):
         row = jnp.where(on_row, pivot, a[k] * pivot)
         column = jnp.where(on_row, 0.0, a[:, k])
         # the column becomes what the inverse has there, and the row is the scaled one
-        others = jnp.where(on_row, 0.0, a)
-        a = jnp.where(on_row[:, None], row, others - column[:, None] * row)
+        cleared = jnp.where(on_row, 0.0, a)
+        a = jnp.where(on_row[:, None], row, cleared - column[:, None] * row)
     return a
