@@ -1,8 +1,12 @@
 """Algebra of 2 x 2 blocks that are kept by components, see `_elimination`; factors of full matrices."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
+
+from ._conventions import trailing
 
 
 def lu_factor(a: Array) -> tuple[Array, Array]:
@@ -49,23 +53,26 @@ def real_times(a: Array, b: Array) -> Array:
     return jax.lax.complex(parts[..., :k], parts[..., k:])
 
 
-def times_real(a: Array, b: Array) -> Array:
-    """The product of any matrix (..., m, n) with a real one (..., n, k)."""
-    if not jnp.iscomplexobj(a):
-        return a @ b
-    # One above the other, since JAX would make the real matrix complex.
-    real, imag = jnp.stack([a.real, a.imag]) @ b
-    return jax.lax.complex(real, imag)
+def real_times_each(a: Array, b: Array) -> Array:
+    """The product of a real matrix (m, n) with any array (n, ...)."""
+    columns = math.prod(b.shape[1:])
+    return real_times(a, b.reshape(len(b), columns)).reshape(len(a), *b.shape[1:])
+
+
+def times_each(a: Array, x: Array) -> Array:
+    """Products of matrices (s, i, j) or (s, i, j, ...), one at each speed, and vectors (s, j, ...)."""
+    # Elementwise and no product of matrices, each of which is too small for a call of a library.
+    return jnp.sum(trailing(a, x.ndim + 1 - a.ndim) * x[:, None], 2)
 
 
 def in_parts(x: Array) -> Array:
-    """Real and imaginary part along a last axis."""
-    return jnp.stack([x.real, x.imag], -1)
+    """Real and imaginary part along a first axis."""
+    return jnp.stack([x.real, x.imag])
 
 
 def from_parts(x: Array) -> Array:
     """The way back of `in_parts`."""
-    return jax.lax.complex(x[..., 0], x[..., 1])
+    return jax.lax.complex(x[0], x[1])
 
 
 def inverse(s):

@@ -84,17 +84,27 @@ def plane_numbers(dof: int) -> tuple[np.ndarray, np.ndarray]:
     return numbers, signs
 
 
+def trailing(a, axes: int):
+    """An array with axes of length one behind its own, along which it is the same at all speeds.
+
+    Responses at many speeds have the speeds along a last axis, which every function of a motion here
+    takes: XLA makes vector instructions of the last axis, and the others are two to six long.
+    """
+    return a.reshape(a.shape + (1,) * axes)
+
+
 def to_planes(x: Array, dof: int) -> Array:
-    """(n, dof) -> (n, planes, 2)."""
+    """(n, dof, ...) -> (n, planes, 2, ...)."""
     numbers, signs = plane_numbers(dof)
-    return x[:, numbers] * signs
+    return x[:, numbers] * trailing(signs, x.ndim - 2)
 
 
 def from_planes(x: Array, dof: int) -> Array:
-    """(n, planes, 2) -> (n, dof)."""
+    """(n, planes, 2, ...) -> (n, dof, ...)."""
     numbers, signs = plane_numbers(dof)
     order = np.argsort(numbers.reshape(-1))
-    return (x * signs).reshape(x.shape[0], -1)[:, order]
+    signed = x * trailing(signs, x.ndim - 3)
+    return signed.reshape(x.shape[0], -1, *x.shape[3:])[:, order]
 
 
 def coordinates(dof: int) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +114,7 @@ def coordinates(dof: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def to_components(x: Array, transpose: bool) -> Array:
-    """(n, planes, k) -> (n, components, k) by a unitary matrix, whose conjugate exchanges p and q.
+    """(n, planes, ...) -> (n, components, ...) by a unitary matrix, whose conjugate exchanges p and q.
 
     Z^T has them exchanged, because its gyroscopic part changes sign.
     """
@@ -116,7 +126,7 @@ def to_components(x: Array, transpose: bool) -> Array:
 
 
 def to_planes_of_components(x: Array, transpose: bool) -> Array:
-    """(n, components, k) -> (n, planes, k), the way back of `to_components`."""
+    """(n, components, ...) -> (n, planes, ...), the way back of `to_components`."""
     # the way back of a unitary matrix is its conjugate transpose
     turn = 1j if transpose else -1j
     lateral = jnp.stack([x[:, 0] + x[:, 1], turn * (x[:, 0] - x[:, 1])], 1) * math.sqrt(0.5)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Complex, Float
 
 from .._core.errors import BadInput
 from .._core.fields import NONNEGATIVE, Part, quantity, spread_columns
-from ._conventions import AXES, SPACE_AXES
+from ._conventions import AXES, SPACE_AXES, trailing
 from ._layout import layout_of
 from ._model import RotorModel, rotor_among
 from ._nodes import check_nodes, node_index
@@ -203,8 +203,8 @@ def check_loads(loads: Any) -> None:
 
 
 def load_vector(
-    model: RotorModel | System, loads: Loads, order: int, spin_speed: Float[Array, ""]
-) -> Complex[Array, "n dof"]:
+    model: RotorModel | System, loads: Loads, order: int, spin_speed: Float[Array, "*speeds"]
+) -> Complex[Array, "n dof *speeds"]:
     r"""[N], [N m] Complex load of one order at the nodes, f(t) = Re[F e^{i n W t}].
 
     An unbalance gives F = U W^2 (1, -i) e^{i d} on (u_x, u_y).
@@ -213,12 +213,12 @@ def load_vector(
         model: the model.
         loads: unbalances and forces.
         order: n; at 0 the cosine coefficient is the mean force.
-        spin_speed: [rad/s] W.
+        spin_speed: [rad/s] W, or a list of speeds, which the last axis then has.
 
     Raises:
         BadInput: a load on a node that the model does not have.
     """
-    f = jnp.zeros((layout_of(model).n, model.dof), complex)
+    f = jnp.zeros((layout_of(model).n, model.dof, *jnp.shape(spin_speed)), complex)
     for load in loads:
         if isinstance(load, Unbalances):
             # at constant speed an unbalance turns evenly and has no other harmonic
@@ -247,7 +247,8 @@ def nodal_load(
 def _with_unbalance(f, model, load, spin_speed):
     at = np.array([node_index(model, node) for node in load.nodes], int)
     # It turns forward with the shaft: u_y follows u_x by 90 degrees, which is the factor -i.
-    x = load.magnitude * spin_speed**2 * jnp.exp(1j * load.phase)
+    turned = load.magnitude * jnp.exp(1j * load.phase)
+    x = trailing(turned, jnp.ndim(spin_speed)) * spin_speed**2
     return f.at[at, 0].add(x).at[at, 1].add(-1j * x)
 
 
@@ -266,10 +267,11 @@ def _with_force(f, model, load, order):
     force = amplitude(load.cosine, load.sine)
     wrench = jnp.concatenate([force, amplitude(load.moment_cosine, load.moment_sine)])
     components = np.array([SPACE_AXES.index(a) for a in AXES[model.dof]])
-    f = f.at[node_index(model, load.node)].add(wrench[components])
+    speeds = f.ndim - 2
+    f = f.at[node_index(model, load.node)].add(trailing(wrench[components], speeds))
     if load.reaction is None:
         return f
     if load.arm is not None:
         # -F acts where F does: about the node that takes it, it has the moment -(r x F) as well
         wrench = wrench.at[3:].add(jnp.cross(load.arm.astype(complex), force))
-    return f.at[node_index(model, load.reaction)].add(-wrench[components])
+    return f.at[node_index(model, load.reaction)].add(-trailing(wrench[components], speeds))

@@ -1,13 +1,14 @@
 """The blocks of a model in the places where the elimination along lines of nodes takes them."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._blocks import real_times
-from ._conventions import add, take
+from ._blocks import real_times_each
+from ._conventions import add, take, trailing
 from ._layout import BORDER, LEFT, NEXT, RIGHT, Layout
 
 # components of a block turned over, and those of a symmetric one
@@ -29,6 +30,7 @@ class Places(NamedTuple):
     border: Array
 
 
+@lru_cache(maxsize=64)
 def border_blocks(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     """Blocks of the border that anything fills; of many border nodes few are coupled to each other.
 
@@ -89,14 +91,16 @@ def sort_places(layout: Layout, elements: Array, inertia: Array) -> Places:
 
 
 def at_speed(layout: Layout, places: Places, coefficients: Array) -> Places:
-    """The dynamic stiffness in its places, for the factors (terms, components) of the terms."""
+    """The dynamic stiffness in its places, for the factors (terms, components, ...) of the terms."""
     sizes = [int(np.prod(p.shape[:-1])) for p in places]
-    flat = real_times(jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places]), coefficients)
+    of_terms = jnp.concatenate([p.reshape(-1, p.shape[-1]) for p in places])
+    flat = real_times_each(of_terms, coefficients)
     parts = []
     for part, place in zip(jnp.split(flat, np.cumsum(sizes)[:-1]), places, strict=True):
-        parts.append(part.reshape(*place.shape[:-1], part.shape[-1]))
+        parts.append(part.reshape(*place.shape[:-1], *part.shape[1:]))
     segment, right, border = parts
     # A unit pivot in empty places, over which the elimination runs without a division by zero.
     empty = np.zeros((*layout.segment.shape, 11))
     empty[layout.segment == layout.n] = np.eye(11)[0] + np.eye(11)[2]
-    return Places(segment + np.moveaxis(empty, 2, 1)[..., None], right, border)
+    empty = trailing(np.moveaxis(empty, 2, 1), coefficients.ndim - 1)
+    return Places(segment + empty, right, border)

@@ -41,7 +41,7 @@ class Solution(NamedTuple):
     """Motion, with the figures that tell how far it can be relied on.
 
     Attributes:
-        x: [m], [rad] (n, planes, 2), slaved nodes not yet filled in.
+        x: [m], [rad] (n, planes, 2, *speeds), slaved nodes not yet filled in.
         correction: [-] relative size of the last correction: the relative error left before it.
         amplification: [-] scaled response over scaled load, a lower bound of the condition number.
         status: number of the word in `STATUS_WORDS`.
@@ -75,19 +75,7 @@ def make_solver(z: Operator, solver: Solver = "structured"):
             return solve_factored(z.system.layout, factor, b, transpose=transpose)
 
     def refined(b, transpose):
-        def step(state):
-            x, _, count = state
-            change = base(b - apply(frozen, x, transpose=transpose), transpose)
-            x = x + change
-            return x, _ratio(_size(weight * change), _size(weight * x)), count + 1
-
-        def goes_on(state):
-            _, correction, count = state
-            return (correction > _SMALL_CORRECTION) & (count < _STEPS)
-
-        # From zero, so that the first step is the plain solution and the later ones refine it.
-        start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
-        return jax.lax.while_loop(goes_on, step, start)[:2]
+        return _refined(frozen, base, weight, b, transpose)
 
     def forward(_, b):
         x, correction = refined(from_parts(b), False)
@@ -98,10 +86,10 @@ def make_solver(z: Operator, solver: Solver = "structured"):
         x, correction = refined(from_parts(b).conj(), True)
         return in_parts(x.conj()), correction
 
-    def solve(load: Complex[Array, "n p 2"]) -> Solution:
+    def solve(load: Complex[Array, "n p 2 *speeds"]) -> Solution:
         # In parts, because a checkpoint of JAX keeps no complex numbers.
         x, correction = jax.lax.custom_linear_solve(
-            lambda x: in_parts(apply(z, from_parts(x))),
+            lambda x: in_parts(apply(z, from_parts(x), differentiated=True)),
             in_parts(load.astype(complex)),
             forward,
             backward,
@@ -119,8 +107,38 @@ def make_solver(z: Operator, solver: Solver = "structured"):
     return solve
 
 
+def _refined(z, base, weight, b, transpose):
+    """Solution of Z x = b and the relative size of its last correction."""
+
+    def residual(x, count):
+        # the first step starts from zero, where nothing has to be subtracted
+        return jax.lax.cond(
+            count == 0, lambda x: b, lambda x: b - apply(z, x, transpose=transpose), x
+        )
+
+    def step(state):
+        x, correction, count = state
+        change = base(residual(x, count), transpose)
+        refined = x + change
+        relative = _ratio(_size(weight * change), _size(weight * refined))
+        if correction.ndim:
+            # a speed that needs no further step keeps its motion while others go on
+            ends = correction <= _SMALL_CORRECTION
+            refined = jnp.where(ends, x, refined)
+            relative = jnp.where(ends, correction, relative)
+        return refined, relative, count + 1
+
+    def goes_on(state):
+        _, correction, count = state
+        return (correction > _SMALL_CORRECTION).any() & (count < _STEPS)
+
+    # From zero, so that the first step is the plain solution and the later ones refine it.
+    start = jnp.zeros_like(b), jnp.ones_like(weight[0, 0, 0]), 0
+    return jax.lax.while_loop(goes_on, step, start)[:2]
+
+
 def _size(x):
-    return jnp.sqrt(jnp.sum(x.real**2 + x.imag**2))
+    return jnp.sqrt(jnp.sum(x.real**2 + x.imag**2, (0, 1, 2)))
 
 
 def status_words(status: Int[Array, "*batch"]) -> list | str:
@@ -130,15 +148,17 @@ def status_words(status: Int[Array, "*batch"]) -> list | str:
     return [status_words(s) for s in status]
 
 
-def _status(x, correction, amplification) -> Int[Array, ""]:
+def _status(x, correction, amplification) -> Int[Array, "*speeds"]:
     word = jnp.where(correction > INACCURATE_CORRECTION, INACCURATE, OK)
     bad = (correction > SINGULAR_CORRECTION) | (amplification > SINGULAR_AMPLIFICATION)
     word = jnp.where(bad, SINGULAR, word)
-    finite = jnp.all(jnp.isfinite(x)) & jnp.isfinite(correction) & jnp.isfinite(amplification)
+    finite = (
+        jnp.all(jnp.isfinite(x), (0, 1, 2)) & jnp.isfinite(correction) & jnp.isfinite(amplification)
+    )
     return jnp.where(finite, word, NOT_FINITE)
 
 
-def _ratio(a: Float[Array, ""], b: Float[Array, ""]) -> Float[Array, ""]:
+def _ratio(a: Float[Array, "*speeds"], b: Float[Array, "*speeds"]) -> Float[Array, "*speeds"]:
     # No load has no response: 0/0 counts as zero, since a NaN would make the status "not finite".
     return jnp.where(a == 0, 0.0, a / jnp.where(b == 0, 1.0, b))
 

@@ -39,9 +39,21 @@ def filled(speeds: Float[Array, " n"], batch_size: float = np.inf) -> Float[np.n
         speeds: [rad/s] (n,), not traced.
         batch_size: speeds solved side by side; absent: all.
     """
-    missing = filled_length(len(speeds), batch_size) - len(speeds)
+    return filled_along(speeds, filled_length(len(speeds), batch_size))
+
+
+def filled_along(values: Array, length: int, axis: int = 0) -> np.ndarray:
+    """Values with the last of them along an axis repeated up to a length.
+
+    Args:
+        values: not traced.
+        length: along `axis`.
+        axis: of the speeds.
+    """
+    widths = [(0, 0)] * np.ndim(values)
+    widths[axis] = (0, length - np.shape(values)[axis])
     # in NumPy, because each length would be a program of its own
-    return np.pad(np.asarray(speeds), (0, missing), mode="edge")
+    return np.pad(np.asarray(values), widths, mode="edge")
 
 
 @eqx.filter_jit  # one program instead of one for each field

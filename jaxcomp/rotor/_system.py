@@ -19,8 +19,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from .._core.fields import admissible, replaced
+from ._blocks import times_each
 from ._bodies import ProportionalDamping, body_matrices, inertia_matrices
-from ._conventions import add, axis_numbers, coordinates, take
+from ._conventions import add, axis_numbers, coordinates, take, trailing
 from ._layout import Layout, layout_of
 from ._links import Link, diagonal, magnetic_pull_stiffness
 from ._model import RotorModel
@@ -229,10 +230,10 @@ def follow(system: System, x: Array) -> Array:
     if layout.free.all():
         return x
     node, master = layout.ties.nodes
-    leading = take(x, master).reshape(-1, layout.dof)
-    moved = jnp.einsum("sij,sj->si", system.arms, leading).reshape(-1, *shape)
+    leading = take(x, master).reshape(-1, layout.dof, *x.shape[3:])
+    moved = times_each(system.arms, leading).reshape(-1, *shape)
     # cleared before it is added to: the vector may hold anything on coordinates that follow
-    return add(x * layout.free, node, moved)
+    return add(x * trailing(layout.free, x.ndim - 3), node, moved)
 
 
 def collect(system: System, f: Array) -> Array:
@@ -243,6 +244,6 @@ def collect(system: System, f: Array) -> Array:
 
 
 def collected(f, free, node, master, arms):
-    at = take(f, node).reshape(len(node), arms.shape[-1])
-    moved = jnp.einsum("sij,si->sj", arms, at).reshape(-1, *f.shape[1:])
-    return add(f * free, master, moved)
+    at = take(f, node).reshape(len(node), arms.shape[-1], *f.shape[3:])
+    moved = times_each(jnp.swapaxes(arms, 1, 2), at).reshape(-1, *f.shape[1:])
+    return add(f * trailing(free, f.ndim - 3), master, moved)

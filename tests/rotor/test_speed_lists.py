@@ -8,7 +8,15 @@ import pytest
 from jax._src import compiler
 
 import jaxcomp._core.fields  # noqa: F401  (takes the place of the function of JAX)
-from jaxcomp.rotor import Link, Mount, RotorModel, ShaftElements, Unbalances, respond
+from jaxcomp.rotor import (
+    Link,
+    Mount,
+    RotorModel,
+    ShaftElements,
+    Unbalances,
+    respond,
+    transmitted_forces,
+)
 from jaxcomp.rotor._speed_lists import filled, filled_length
 from jaxcomp.vibration._coupling import _filled_in_front
 
@@ -46,6 +54,17 @@ def test_another_number_of_speeds_compiles_no_other_response(compiled):
         # one program, in which a speed knows nothing of the others
         np.testing.assert_array_equal(a, b[:, :5])
     assert five.displacement.shape == (1, 5, 3, 4)
+
+
+def test_another_number_of_speeds_compiles_no_other_transmitted_forces(compiled):
+    model = machine()
+    forces = []
+    for count in (5, 7, 8):
+        response = respond(model, LOADS, SPEEDS[:count])
+        forces.append(transmitted_forces(model, response))
+    assert compiled.count("jit__transmitted") <= 1
+    for some in forces[:2]:
+        np.testing.assert_array_equal(some, forces[2][:, : some.shape[1]])
 
 
 def test_filled_lists_change_neither_response_nor_derivatives():
