@@ -10,7 +10,7 @@ eliminated side by side; only the place along the column is sequential:
     X_j  = E_j - W_j^T X_{j-1},                                 (coupling to the left border node)
 
 with D the diagonal blocks and N_j = Z_{j-1,j}. What the segments leave on the border is solved in
-`_border`.
+`_border_nodes`.
 
 Z^T has the components p and q exchanged, because its gyroscopic part changes sign.
 
@@ -28,7 +28,7 @@ import numpy as np
 from jaxtyping import Array, Complex
 
 from ._blocks import inverse, minus, product, product_t, times, times_t
-from ._border import BorderFactor, factorise_border, solve_border
+from ._border_nodes import BorderFactor, factorise_border, solve_border
 from ._conventions import add, take, to_components, to_planes_of_components, trailing
 from ._layout import Layout
 from ._operator import Operator
