@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from .._core.arguments import counted
 from .._core.extremes import clip
+from .._core.lookup import interval_of
 from ..compressor import Compressor
 from ..mechanism import CrankState
 from ._crank_motion import Instantaneous
@@ -75,7 +76,7 @@ def inside_panels(edges: Float[Array, " k"], place: Float[Array, "*n"], moved=No
     A place is first moved off the edges of its panel by more than rounding, because a stage on an edge
     would take the formula of either side, its directions and phases, at random.
     """
-    panel = clip(jnp.searchsorted(edges, place, side="right") - 1, 0, edges.size - 2)
+    panel = interval_of(edges, place)
     start = edges[panel]
     end = edges[panel + 1]
     at = clip(place, start + 1e-10, end - 1e-10)

@@ -28,8 +28,9 @@ from jaxtyping import Array, Float
 
 from .._core.each import mapped
 from .._core.errors import BadInput
-from .._core.extremes import clip, max_of, min_of
+from .._core.extremes import max_of, min_of
 from .._core.fields import POSITIVE, Part, quantity, replaced
+from .._core.lookup import interval_of
 from .._core.polynomials import cubic_step
 from ..film import AbstractJournal, JournalBearing, NamedBearing
 from ..film._placed import PlacedJournal
@@ -244,8 +245,7 @@ class ShaftBearings(MainBearings):
         assert self.places is not None
         assert self.values is not None
         assert self.slopes is not None
-        last_interval = self.places.size - 2
-        interval = clip(jnp.searchsorted(self.places, places, side="right") - 1, 0, last_interval)
+        interval = interval_of(self.places, places)
         width = self.places[interval + 1] - self.places[interval]
         t = (places - self.places[interval]) / width
         ends = self.values[:, interval], self.values[:, interval + 1]

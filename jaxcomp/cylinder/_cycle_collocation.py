@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from .._core.elimination import solve_triangles
 from .._core.extremes import max_of, maximum, min_of
+from .._core.lookup import row_and_column
 from .._core.polynomials import gauss
 from .._core.roots import AbstractRoot
 from ._cylinder_system import Cylinders
@@ -452,7 +453,7 @@ def branches_of(z: Unknowns, events) -> Branches:
     is_wide = (widths > 1e-7)[:, None, None]
     # at the nodes alone: at the end of its panel the function of an event is zero
     least = min_of(jnp.where(is_wide, events[:, :-1], jnp.inf), axis=2)
-    panel, node = jnp.divmod(jnp.argmin(least), least.shape[1])
+    panel, node = row_and_column(jnp.argmin(least), least.shape[1])
     angle = z.edges[panel] + widths[panel] * jnp.asarray(gauss(least.shape[1]).nodes)[node]
     is_left = ~(least[panel, node] > -_LEFT)  # NaN included
     # events that have changed places leave a panel of negative width between them

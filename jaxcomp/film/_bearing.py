@@ -259,7 +259,7 @@ def contact_moment(
         return 0.0 * load * speed
     bearing, _ = prepare(bearing)
     x = film_ratio(film, load_number(bearing, load, speed, rest_speed=rest_speed))
-    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    unit = moment_unit(bearing)
     return unit * speed * film.rubbing(x)
 
 
@@ -314,6 +314,11 @@ def film_unit(bearing: JournalBearing) -> Scalar:
         raise BadInput("oil", bearing.oil, "resolved by its machine, see `jaxcomp.Machine`")
     area = bearing.length * bearing.diameter
     return bearing.dynamic_viscosity * area / bearing.clearance_ratio**2
+
+
+def moment_unit(bearing: JournalBearing) -> Scalar:
+    """[N m s] eta L D R/psi, the unit of the moment of film and contact over speed."""
+    return film_unit(bearing) * bearing.radius * bearing.clearance_ratio
 
 
 def prepare(bearing: Bearing) -> PreparedBearing:
@@ -392,6 +397,6 @@ def friction_moment(
     film = film_at(bearing, building, rest_speed, speed)
     bearing, _ = prepare(bearing)
     number = load_number(bearing, load, building, rest_speed=rest_speed)
-    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    unit = moment_unit(bearing)
     # Not by a coefficient of friction M/(W R), which has no value without a load.
     return unit * speed * film.friction_number(number)

@@ -15,10 +15,9 @@ from .._core.results import Data, Result
 from ._bearing import (
     BearingSizes,
     JournalBearing,
-    PreparedBearing,
     film_at,
-    film_unit,
     load_number,
+    moment_unit,
     prepare,
     sizes_of,
 )
@@ -221,12 +220,13 @@ def operating_point(
     # A steady speed above zero needs no smoothing through rest: rest speeds are zero.
     load = jnp.asarray(load, float)
     speed = jnp.asarray(speed, float)
-    bearing, alone = prepare(bearing)
+    prepared = prepare(bearing)
+    bearing = prepared.bearing
     # with the contact beside it, if there is one
-    film = film_at(PreparedBearing(bearing, alone), speed, 0.0)
+    film = film_at(prepared, speed, 0.0)
     gap = bearing.radial_clearance
     number = load_number(bearing, load, speed, rest_speed=0.0)
-    unit = film_unit(bearing) * bearing.radius * bearing.clearance_ratio
+    unit = moment_unit(bearing)
     entries: dict[str, Any] = {}
     # The position is sought once: each search for it is a large part of the program.
     x = None

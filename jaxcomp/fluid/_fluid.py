@@ -46,6 +46,18 @@ def _as_argument(value: Any) -> Any:
     return value
 
 
+def value_with_slopes(function: Callable[..., Array], unknowns: Array, inputs: Any):
+    """Value of a function of unknowns and inputs with its Jacobian by the unknowns."""
+
+    def twice(unknowns):
+        # the value comes with the slopes: alone it would be a second evaluation
+        value = function(unknowns, inputs)
+        return value, value
+
+    jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
+    return value, jacobian
+
+
 class GasState(NamedTuple):
     """A state of equilibrium.
 
@@ -207,13 +219,8 @@ class AbstractFluid(Part):
             return jnp.stack([jnp.log(state.p / p), (caloric(state) - value) / scale])
 
         def solve(inputs):
-            def twice(unknowns):
-                # the value comes with the slopes: it is not worked out again
-                value = misfit(unknowns, inputs)
-                return value, value
-
             def newton(_, unknowns):
-                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
+                value, jacobian = value_with_slopes(misfit, unknowns, inputs)
                 # a fifth in the logarithms at most: T and rho stay within what the terms can take
                 step = clip(jnp.linalg.solve(jacobian, value), -0.2, 0.2)
                 T, rho = unknowns - jnp.where(jnp.isfinite(step), step, 0.0)

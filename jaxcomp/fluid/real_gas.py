@@ -14,7 +14,7 @@ from .._core.extremes import clip, minimum
 from .._core.fields import Bound, is_traced
 from .._core.roots import root
 from ._blends import blends
-from ._fluid import SmallSystem, compiled
+from ._fluid import SmallSystem, compiled, value_with_slopes
 from ._helmholtz import (
     Saturation,
     ancillary,
@@ -241,13 +241,8 @@ class RealGas(AbstractRealGas):
             keys = ("liquid_density", "vapour_density")
             guess = [jnp.log(ancillary(data[key], jnp.exp(log_T))) for key in keys]
 
-            def twice(unknowns):
-                # the value comes with the slopes: it is not worked out again
-                value = misfit(unknowns, log_input)
-                return value, value
-
             def newton(_, unknowns):
-                jacobian, value = jax.jacfwd(twice, has_aux=True)(unknowns)
+                value, jacobian = value_with_slopes(misfit, unknowns, log_input)
                 step = jnp.linalg.solve(jacobian, value)
                 return unknowns - clip(jnp.nan_to_num(step), -0.1, 0.1)
 

@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 from .._core.errors import BadInput
 from .._core.extremes import clip
 from .._core.fields import POSITIVE, Part, is_traced, quantity
+from .._core.lookup import interval_of
 from ..film import AbstractSolvedFilm, JournalBearing, NamedBearing
 from ..film._running import stiffness_damping
 from ._conventions import SPACE_AXES, check_axes
@@ -316,7 +317,7 @@ def magnetic_pull_stiffness(pull: MagneticPull) -> Float[Array, " n"]:
 def _through_points(x, y, at, kind):
     """Interpolate `y` (m, ...) over `x` (m,); exact at every point of the table."""
     at = clip(at, x[0], x[-1])
-    i = clip(jnp.searchsorted(x, at, side="right") - 1, 0, x.shape[0] - 2)
+    i = interval_of(x, at)
     h = x[i + 1] - x[i]
     t = (at - x[i]) / h
     if kind == "linear":

@@ -7,6 +7,7 @@ the spin speed W whatever n is. Source: Eq. (1) of Levecque et al. (2011), cited
 
 import dataclasses
 from collections.abc import Iterator
+from functools import partial
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -329,7 +330,10 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
             spin_speed=_repeated(z.spin_speed, len(orders)),
         )
         out = respond_to(z, jnp.concatenate(forces, -1))
-        by_order = lambda a: jnp.moveaxis(a, -1, 0).reshape(len(orders), len(spins), *a.shape[:-1])  # noqa: E731
+
+        def by_order(a):
+            return jnp.moveaxis(a, -1, 0).reshape(len(orders), len(spins), *a.shape[:-1])
+
         return jax.tree.map(by_order, out)
 
     def respond_to(z, force):
@@ -339,20 +343,9 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
         # Dropped within the batch, so that no array holds all nodes at all speeds.
         return eqx.tree_at(lambda r: r.displacement, out, out.displacement[np.array(keep, int)])
 
-    def at_each_speed(spins):
-        def at_speed(spin):
-            forces = jnp.stack([load_vector(system, loads, n, spin) for n in orders])
-
-            def at_order(frequency, force):
-                return respond_to(operator_at(system, spin, frequency), force)
-
-            return jax.vmap(at_order)(np.array(orders) * spin, forces)
-
-        return jax.vmap(at_speed, out_axes=1)(spins)
-
     if solver == "dense" or system.modal is not None:
         # full matrices, which a library factorises one by one
-        at_speeds = at_each_speed
+        at_speeds = partial(_at_each_speed, system, loads, orders, respond_to)
     count = spin_speeds.shape[0]
     together = max(batch_size // len(orders), 1)
     if count <= together:
@@ -362,9 +355,28 @@ def _respond(model, loads, spin_speeds, orders, keep, solver, batch_size):
     full = jnp.concatenate([spin_speeds, jnp.full(fill, spin_speeds[-1])])
     recomputed = jax.checkpoint(at_speeds, policy=_keep_motion)
     batches = jax.lax.map(recomputed, full.reshape(-1, together))
-    # from (batches, orders, speeds of a batch, ...) to (orders, speeds, ...)
-    joined = lambda a: jnp.swapaxes(a, 0, 1).reshape(len(orders), -1, *a.shape[3:])[:, :count]  # noqa: E731
+
+    def joined(a):
+        # from (batches, orders, speeds of a batch, ...) to (orders, speeds, ...)
+        return jnp.swapaxes(a, 0, 1).reshape(len(orders), -1, *a.shape[3:])[:, :count]
+
     return jax.tree.map(joined, batches)
+
+
+def _at_each_speed(system, loads, orders, respond_to, spins):
+    """Responses (orders, speeds, ...) by a matrix at each, in the place of one list along a last axis."""
+
+    def at_speed(spin):
+        # an unbalance and the forces of all orders know one speed of the shaft
+        forces = jnp.stack([load_vector(system, loads, n, spin) for n in orders])
+
+        def at_order(frequency, force):
+            return respond_to(operator_at(system, spin, frequency), force)
+
+        return jax.vmap(at_order)(np.array(orders) * spin, forces)
+
+    # the orders stay in front, as of lists of speeds
+    return jax.vmap(at_speed, out_axes=1)(spins)
 
 
 def _repeated(a, times):
