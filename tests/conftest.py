@@ -18,7 +18,8 @@ from interrupts import Interrupts
 
 import jaxcomp  # noqa: F401  (turns on 64-bit mode)
 from jaxcomp._core import exported, programs
-from jaxcomp.cli._start import quick_compiles, unoptimised_compiles
+from jaxcomp._core.precision import unoptimised_compiles
+from jaxcomp.cli._start import quick_compiles
 
 # Most programs of the tests run once: XLA need not optimise them. Programs that the tests start inherit
 # this; notebooks, benchmarks and users run optimised programs, and so do the tests with

@@ -18,6 +18,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from .._core.environment import xla_setting
+from .._core.errors import BadInput
 from .._core.interrupts import STOPPED, say_stopped, words_when_stopped
 from .._core.progress import remember_waits, spinner, watch_compiles
 
@@ -39,6 +41,12 @@ class RecordedGroup(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Call a command; a word that is no choice of an option is answered with the nearest one."""
+        try:
+            xla_setting()
+        except BadInput as error:
+            # whatever else a command imports would read that setting as well
+            typer.echo(f"error: {error}", err=True)
+            raise typer.Exit(2) from None
         try:
             return super().invoke(ctx)
         except Exception as error:
@@ -138,7 +146,6 @@ def show_error(error: Exception) -> None:
 
 
 def _caused_by_user() -> tuple[type[Exception], ...]:
-    from .._core.errors import BadInput
     from .._core.extensions import ExtensionError
     from .._core.status import SolveFailed
     from ..scene import SceneError
@@ -159,6 +166,7 @@ def start_jax(*, once: bool = False) -> None:
     Args:
         once: whether the programs of the command run once.
     """
+    from .._core.precision import unoptimised_compiles
     from .._core.programs import keep_programs
 
     quick_compiles()
@@ -204,23 +212,6 @@ def quick_compiles() -> None:
     A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._core.precision`).
     """
     gc.set_threshold(100_000, 20, 50)
-
-
-# Passes over loops within loops, which XLA repeats until nothing changes. Programs with valves have 28
-# loops: without these passes `run r600a-8cc` takes 0.83 of the time, programs without valves no less.
-_PASSES_OVER_LOOPS = (
-    "while-loop-constant-sinking",
-    "while-loop-invariant-code-motion",
-    "simplify-while-loops",
-)
-
-
-def unoptimised_compiles() -> None:
-    """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything."""
-    from .._core.precision import tell_xla
-
-    tell_xla("--xla_backend_optimization_level", "0")
-    tell_xla("--xla_disable_hlo_passes", ",".join(_PASSES_OVER_LOOPS))
 
 
 @contextmanager

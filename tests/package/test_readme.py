@@ -378,12 +378,9 @@ def test_figures_in_short_stand_in_the_tables_below():
         assert figure in below, figure
 
 
-@pytest.mark.parametrize(("word", "kept"), [(None, False), ("0", True)])
-def test_environment_variables_do_what_the_page_says(word, kept):
-    """Whether the import leaves the precision and the flags of XLA as they are."""
+def _precision_and_flags(**settings):
+    """What a process has after the import: whether it computes in double precision, and XLA's flags."""
     environment = {k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS", "JAX_ENABLE_X64")}
-    if word is not None:
-        environment |= {"JAXCOMP_X64": word, "JAXCOMP_XLA_FLAGS": word}
     code = "import jaxcomp; jaxcomp.load; import jax, os; "
     code += "print(jax.config.jax_enable_x64, os.environ.get('XLA_FLAGS'))"
     done = subprocess.run(
@@ -391,9 +388,52 @@ def test_environment_variables_do_what_the_page_says(word, kept):
         capture_output=True,
         text=True,
         check=True,
+        env=environment | settings | {"PYTHONPATH": str(ROOT)},
+    )
+    return done.stdout.strip().split(" ", 1)
+
+
+def test_quick_programs_are_compiled_as_those_of_commands():
+    """Level 0 and fewer passes, as the page says; a command finds the same flags, hence programs."""
+    _, flags = _precision_and_flags(JAXCOMP_XLA_FLAGS="quick")
+    assert "--xla_backend_optimization_level=0" in flags
+    assert "--xla_backend_optimization_level=1" not in flags
+    code = "from jaxcomp.cli._start import start_jax; start_jax(once=True); import os; "
+    code += "print(os.environ['XLA_FLAGS'])"
+    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    of_command = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
         env=environment | {"PYTHONPATH": str(ROOT)},
     )
-    precision, flags = done.stdout.strip().split(" ", 1)
+    assert of_command.stdout.split() == flags.split()
+
+
+def test_an_unknown_setting_of_xla_is_refused():
+    environment = os.environ | {"JAXCOMP_XLA_FLAGS": "fast", "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "jaxcomp", "list"]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment)
+    assert done.returncode == 2
+    words = "error: `JAXCOMP_XLA_FLAGS` must be 0, 1 or quick, but is fast.\n"
+    assert done.stderr == words
+    imported = subprocess.run(
+        [sys.executable, "-c", "import jaxcomp; jaxcomp.load"],
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    assert words.removeprefix("error: ") in imported.stderr
+
+
+@pytest.mark.parametrize(("word", "kept"), [(None, False), ("0", True)])
+def test_environment_variables_do_what_the_page_says(word, kept):
+    """Whether the import leaves the precision and the flags of XLA as they are."""
+    settings = {}
+    if word is not None:
+        settings = {"JAXCOMP_X64": word, "JAXCOMP_XLA_FLAGS": word}
+    precision, flags = _precision_and_flags(**settings)
     assert (precision == "False") is kept
     row = next(line for line in text_of("notebooks/conventions.md").splitlines() if "XLA's" in line)
     named = re.findall(r"`(--xla\w+=[\w=]+)`", row)

@@ -1,0 +1,19 @@
+"""What the environment asks for before JAX is imported. Imports no JAX."""
+
+import os
+
+from .errors import BadInput
+
+_XLA_FLAGS = "JAXCOMP_XLA_FLAGS"
+
+
+def xla_setting() -> str:
+    """How XLA is told to compile: "1" as usual, "0" as it does by itself, "quick" for a few calls.
+
+    Raises:
+        BadInput: the environment variable has another word.
+    """
+    setting = os.environ.get(_XLA_FLAGS, "1")
+    if setting not in ("0", "1", "quick"):
+        raise BadInput(_XLA_FLAGS, setting, "0, 1 or quick")
+    return setting
