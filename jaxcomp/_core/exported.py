@@ -1,11 +1,11 @@
-"""Traced programs kept beside the compiled ones, so that a later process traces nothing either.
+"""Compiled programs of whole solutions kept, so that a later process traces and compiles nothing.
 
 To trace a machine with valves takes several times as long as to read its compiled program. `kept_jit`
-stands for `equinox.filter_jit` where a whole solution is one program: what it traces is written down by
-`jax.export` and found by the structure, shapes and types of the arguments, by all in them that is no
-array, by the settings of JAX, and by what a compiled program depends on (`jaxcomp._core.programs`), the
-sources of this package among it. What XLA makes of it is kept as well, for the same flags of XLA: to read
-that takes a third of reading and lowering what was traced to find its compiled program.
+stands for `equinox.filter_jit` where a whole solution is one program: what XLA makes of it is written
+down, and found by the structure, shapes and types of the arguments, by all in them that is no array, by
+the settings of JAX, the flags of XLA, and by what a compiled program depends on
+(`jaxcomp._core.programs`), the sources of this package among it. Of a program that is too large to be
+loaded, what was traced is kept by `jax.export`, which saves the half of the time that tracing takes.
 
 Programs are written down and read by documented functions of JAX, none of which is replaced.
 
@@ -28,6 +28,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import export
 from jax.experimental import serialize_executable
@@ -38,7 +39,7 @@ from .fields import is_traced, strongly_typed
 from .precision import single_precision
 from .progress import count_loaded
 
-# Whether traced programs are kept where compiled ones are.
+# Whether programs of whole solutions are kept where all others are.
 enabled = True
 
 _P = ParamSpec("_P")
@@ -63,7 +64,7 @@ class _Refused(Exception):
 
 
 def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """`equinox.filter_jit` of a function, whose traced program is kept for later processes.
+    """`equinox.filter_jit` of a function, whose compiled program is kept for later processes.
 
     Args:
         function: pure; what it does depends on its arguments and on the sources of this package alone.
@@ -128,36 +129,29 @@ def _hole(leaf: Any) -> _Hole | None:
 
 
 def _program(function: Callable, template: tuple, structure: Any) -> Callable[[list], Any] | None:
-    """The program for arguments of one kind, kept before or traced now; `None` if it cannot be kept."""
+    """The program for arguments of one kind, kept before or compiled now; `None` if it cannot be kept."""
     arrays = _places_of_holes(template)
-    holes = [template[place] for place in arrays]
     try:
         key = _pickled((function, structure.unflatten(template)), _KeyPickler)
         # an address is another one in every process, and would make each key a new one
         key = f"{hashlib.sha256(key).hexdigest()} {_ADDRESS.sub('', str(_settings()))}"
-        path = programs.place(key)
         # flags of XLA change what it compiles, and nothing of what was traced
+        traced_path = programs.place(key)
         compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
-        if path is None or compiled_path is None:
+        if traced_path is None or compiled_path is None:
             return None
-
-        # read or traced only if needed: what is kept compiled needs neither, but on another device
-        @functools.cache
-        def traced():
-            entry = programs.read(path)
-            if entry:
-                result_template, text = pickle.loads(entry)
-            else:
-                result_template, text = _traced(function, template, structure, path)
-            if b"lapack" in text:
-                _tell_of_lapack()
-            return result_template, jax.jit(export.deserialize(bytearray(text)).call)
-
+        flat = _Flat(function, template, structure)
         stored = _read_compiled(compiled_path)
         if stored is None:
-            result_template, run = traced()
-            compiled = _compile(run.lower(*map(_like, holes)), cached=True)
-            _write_compiled(compiled_path, result_template, compiled)
+            entry = programs.read(traced_path)
+            lowered = flat.lowered(entry)
+            result_template = flat.result_template
+            # refused before it is compiled, if a result has classes that cannot be written down
+            result_text = _pickled(result_template, _Pickler)
+            compiled = _compile(lowered, cached=True)
+            written = _write_compiled(compiled_path, result_text, compiled)
+            if not written and entry is None:
+                programs.write(traced_path, pickle.dumps((result_text, flat.traced())))
         else:
             result_template, compiled = stored
     except Exception:  # no structure that can be written down, or nothing that JAX can export
@@ -173,7 +167,7 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         try:
             values = compiled(*numbers)
         except ValueError:  # arrays on another device
-            values = traced()[1](*numbers)
+            values = flat.jitted(*numbers)
         # what is no array in a result follows from what is part of the key
         for place, value in zip(places, values, strict=True):
             filled[place] = value
@@ -212,12 +206,14 @@ def _tell_of_lapack() -> None:
     jax.jit(jax.lax.linalg.lu).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
-def _write_compiled(path: Path, result_template: Any, compiled: Any) -> None:
-    """Keep a compiled program, if XLA can write it down."""
+def _write_compiled(path: Path, result_text: bytes, compiled: Any) -> bool:
+    """Keep a compiled program; whether XLA can write it down, and jaxlib could load it."""
     with contextlib.suppress(Exception):
         text, *trees = serialize_executable.serialize(compiled)
         if programs.may_be_loaded(text):
-            programs.write(path, pickle.dumps((_pickled(result_template, _Pickler), text, *trees)))
+            programs.write(path, pickle.dumps((result_text, text, *trees)))
+            return True
+    return False
 
 
 def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
@@ -225,10 +221,10 @@ def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
     entry = programs.read(path)
     if entry is None:
         return None
-    result_template, text, *trees = pickle.loads(entry)
+    result_text, text, *trees = pickle.loads(entry)
     if b"lapack" in text:
         _tell_of_lapack()
-    # compiled for the first device; for arrays on another one there is what was traced
+    # compiled for the first device; for arrays on another one it is compiled anew
     device = jax.devices()[:1]
     loaded = programs.loaded(
         path, lambda: serialize_executable.deserialize_and_load(text, *trees, None, device)
@@ -236,40 +232,75 @@ def _read_compiled(path: Path) -> tuple[Any, Callable] | None:
     if loaded is None:
         return None
     count_loaded(len(text))
-    return pickle.loads(result_template), loaded
+    return pickle.loads(result_text), loaded
 
 
-def _traced(function: Callable, template: tuple, structure: Any, path: Path) -> tuple[Any, bytes]:
-    """Structure of the result and the traced program, which are kept."""
-    result_templates = []
-    places = _places_of_holes(template)
+class _Flat:
+    """A function of the arrays among its arguments, which gives the arrays of its result.
 
-    # Arrays in, arrays out: what is written down then knows nothing of the package's classes.
-    def flat(*arrays):
-        filled = list(template)
-        for place, array in zip(places, arrays, strict=True):
+    What is traced then knows nothing of the package's classes.
+
+    Attributes:
+        result_template: the result with stand-ins for its arrays, known once the function is traced.
+        jitted: the function as a program.
+    """
+
+    def __init__(self, function: Callable, template: tuple, structure: Any):
+        self._function = function
+        self._template = template
+        self._structure = structure
+        self._places = _places_of_holes(template)
+        self.result_template: Any = None
+        self.jitted = jax.jit(self._of_arrays)
+
+    def _of_arrays(self, *arrays):
+        filled = list(self._template)
+        for place, array in zip(self._places, arrays, strict=True):
             filled[place] = array
-        arguments, named = structure.unflatten(filled)
-        leaves, out = jax.tree.flatten(function(*arguments, **named))
+        arguments, named = self._structure.unflatten(filled)
+        leaves, out = jax.tree.flatten(self._function(*arguments, **named))
         result_template = []
         result_arrays = []
         for leaf in leaves:
             hole = _traced_hole(leaf)
             result_template.append(hole or leaf)
             if hole:
-                result_arrays.append(leaf)
-        result_templates.append(out.unflatten(result_template))
+                # weakly typed it would have the next program that gets it compiled anew
+                result_arrays.append(jnp.asarray(leaf, leaf.dtype))
+        self.result_template = out.unflatten(result_template)
         return result_arrays
 
-    like = [_like(template[place]) for place in places]
-    text = bytes(export.export(jax.jit(flat))(*like).serialize())
-    programs.write(path, _pickled((result_templates[0], text), _Pickler))
-    return result_templates[0], text
+    def _like(self) -> list[jax.ShapeDtypeStruct]:
+        return [_like(self._template[place]) for place in self._places]
+
+    def lowered(self, entry: bytes | None) -> jax.stages.Lowered:
+        """What XLA compiles: as it was traced by an earlier process, if that is kept, or traced now."""
+        if entry is None:
+            # names of source lines would make what is kept larger by a fourth
+            with _without_locations():
+                return self.jitted.lower(*self._like())
+        result_text, text = pickle.loads(entry)
+        self.result_template = pickle.loads(result_text)
+        if b"lapack" in text:
+            _tell_of_lapack()
+        return jax.jit(export.deserialize(bytearray(text)).call).lower(*self._like())
+
+    def traced(self) -> bytes:
+        """What was traced, in a form that a later process can read."""
+        return bytes(export.export(self.jitted)(*self._like()).serialize())
+
+
+def _without_locations() -> contextlib.AbstractContextManager[Any]:
+    """Programs that are lowered within do not name the lines of the sources they come from."""
+    from jax._src import config
+
+    # of this thread alone; the public setting is that of all threads
+    return config.traceback_in_locations_limit(0)
 
 
 def _traced_hole(leaf: Any) -> _Hole | None:
     if eqx.is_array(leaf):
-        # what a program returns that was written down is strongly typed
+        # what a program returns is strongly typed
         return _Hole(leaf.shape, leaf.dtype.str, False)
     return _hole(leaf)
 
