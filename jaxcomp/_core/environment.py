@@ -1,4 +1,4 @@
-"""What the environment asks for before JAX is imported. Imports no JAX."""
+"""Settings of the environment that are read before JAX is imported. Imports no JAX."""
 
 import os
 
@@ -8,7 +8,7 @@ _XLA_FLAGS = "JAXCOMP_XLA_FLAGS"
 
 
 def xla_setting() -> str:
-    """How XLA is told to compile: "1" as usual, "0" as it does by itself, "quick" for a few calls.
+    """The word for XLA's flags: "1" for those of the package, "0" for none, "quick" for a few calls.
 
     Raises:
         BadInput: the environment variable has another word.

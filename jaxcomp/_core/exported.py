@@ -274,7 +274,7 @@ class _Flat:
         return [_like(self._template[place]) for place in self._places]
 
     def lowered(self, entry: bytes | None) -> jax.stages.Lowered:
-        """What XLA compiles: as it was traced by an earlier process, if that is kept, or traced now."""
+        """The program before it is compiled, traced by an earlier process if that is kept, or now."""
         if entry is None:
             # names of source lines would make what is kept larger by a fourth
             with _without_locations():
@@ -286,7 +286,7 @@ class _Flat:
         return jax.jit(export.deserialize(bytearray(text)).call).lower(*self._like())
 
     def traced(self) -> bytes:
-        """What was traced, in a form that a later process can read."""
+        """The traced program in a form that a later process can read."""
         return bytes(export.export(self.jitted)(*self._like()).serialize())
 
 
