@@ -49,6 +49,8 @@ _CUSTOMARY = {
 SYSTEMS = ("SI", "SI with °C", "US")
 # Endings of names of temperatures. Other kelvins are differences: 10 K of superheat are not 283 K.
 _TEMPERATURES = ("temperature", "evaporating", "condensing")
+# Endings of names of growths of modes, real parts of eigenvalues: rates, and no speeds of rotation.
+_GROWTHS = ("growth",)
 # Units of small changes.
 _SMALL = ("mm", "g mm", "g", "°", "rpm")
 
@@ -159,6 +161,8 @@ def shown(name: str, unit: str, values, system: str = "SI") -> Shown:
         return Shown(words, "%", 100.0)
     if not unit:
         return Shown(words, "", 1.0)
+    if name.endswith(_GROWTHS):
+        return Shown(words, unit.replace("rad/s", "1/s"), 1.0)
     if is_temperature(name, unit):
         kelvin = Shown(words, unit, 1.0, celsius=True)
         # 32 °F at 273.15 K, carried back to 0 K

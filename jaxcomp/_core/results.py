@@ -139,11 +139,8 @@ class Result(Declared):
             for dim in dims:
                 index.append(slice(None) if dim in data.dims else None)
             array = np.broadcast_to(np.asarray(data.values)[tuple(index)], sizes)
-            if np.iscomplexobj(array):
-                columns[with_unit(f"{data.name}.amplitude", data.unit)] = np.abs(array).ravel()
-                columns[f"{data.name}.phase [rad]"] = np.angle(array).ravel()
-            else:
-                columns[data.header] = array.ravel()
+            for real_part in _real_parts(data._replace(values=array)):
+                columns[real_part.header] = real_part.values.ravel()
         return columns
 
     def to_dict(self) -> dict[str, Any]:
@@ -154,12 +151,8 @@ class Result(Declared):
         """
         numbers: dict[str, Any] = {"kind": type(self).__name__, **self._words()}
         for data in self._checked():
-            values = np.asarray(data.values)
-            if np.iscomplexobj(values):
-                numbers[with_unit(f"{data.name}.amplitude", data.unit)] = _finite(np.abs(values))
-                numbers[f"{data.name}.phase [rad]"] = _finite(np.angle(values))
-            else:
-                numbers[data.header] = _finite(values)
+            for real_part in _real_parts(data):
+                numbers[real_part.header] = _finite(np.asarray(real_part.values))
         return numbers
 
     def to_json(self) -> str:
@@ -173,13 +166,21 @@ class Result(Declared):
 
         return pandas.DataFrame(self.columns())
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """All quantities in SI units, with their units in the attributes."""
+    def to_xarray(self, *, amplitudes: bool = False) -> "xarray.Dataset":
+        """All quantities in SI units, with their units in the attributes.
+
+        Args:
+            amplitudes: complex numbers as amplitude and phase [rad], as files in netCDF want them, which
+                hold no complex numbers: `result.to_xarray(amplitudes=True).to_netcdf(path)`.
+        """
         import xarray
 
         variables = {}
         coordinates = set()
-        for data in self._checked():
+        described = self._checked()
+        if amplitudes:
+            described = [part for data in described for part in _real_parts(data)]
+        for data in described:
             values = np.asarray(data.values)
             batch = [f"design_{n}" for n in range(values.ndim - len(data.dims))]
             dims = list(data.dims)
@@ -302,6 +303,15 @@ class Result(Declared):
                 low = look.number(float(good.min()))
                 high = look.number(float(good.max()))
                 yield look.words, f"{low} to {high} {look.units}".strip() + shape
+
+
+def _real_parts(data: Data) -> list[Data]:
+    """Real numbers as they are; complex ones as amplitude and phase."""
+    if not np.iscomplexobj(data.values):
+        return [data]
+    amplitude = data._replace(name=f"{data.name}.amplitude", values=np.abs(data.values))
+    phase = data._replace(name=f"{data.name}.phase", unit="rad", values=np.angle(data.values))
+    return [amplitude, phase]
 
 
 def columns_of(records: Sequence[Record], *dims: str, names: Sequence[str] = ()) -> Iterator[Data]:

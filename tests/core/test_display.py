@@ -30,6 +30,12 @@ def test_a_temperature_stands_in_celsius_beside_kelvins():
     np.testing.assert_allclose(ROOM.drawn.of(np.array([273.15, 305.35])), [0, 32.2], atol=1e-12)
 
 
+def test_the_growth_of_a_mode_is_no_speed_of_rotation():
+    """The real part of an eigenvalue: -3 in a second, and not -28.6 turns in a minute."""
+    assert shown("growth", "rad/s", -3.0).text(-3.0) == "-3 1/s"
+    assert shown("speed", "rad/s", np.pi).text(np.pi) == "30 rpm"
+
+
 def test_a_difference_of_temperatures_has_no_zero():
     """Neither a superheat nor a deviation of a temperature."""
     assert RISE.text(10.0) == "10 K"

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas
 import pytest
+import xarray
 from cylinder.test_cylinder import golden, mechanism
 from helpers import machine
 
@@ -331,6 +332,21 @@ def test_rotations_of_mode_shapes_have_another_unit_than_displacements():
     data = undamped_modes(rotor(), 4).to_xarray()
     assert data["shape.uy"].attrs["units"] == "1/kg^0.5"
     assert data["shape.thy"].attrs["units"] == "1/(kg^0.5 m)"
+
+
+def test_complex_numbers_go_into_a_netcdf_file_as_amplitude_and_phase(tmp_path):
+    modes = damped_modes(rotor(), 4)
+    whole = modes.to_xarray()
+    path = tmp_path / "modes.nc"
+    modes.to_xarray(amplitudes=True).to_netcdf(path)
+    read = xarray.load_dataset(path)
+    value = whole["shape.ux"]
+    phase = read["shape.ux.phase"]
+    assert phase.attrs["units"] == "rad"
+    assert read["shape.ux.amplitude"].attrs["units"] == value.attrs["units"]
+    # to rounding: amplitude and phase of a number are the number
+    polar = read["shape.ux.amplitude"] * np.exp(1j * phase)
+    np.testing.assert_allclose(polar, value, rtol=1e-12, atol=1e-14)
 
 
 def test_pictures_of_a_result_are_found_by_name(orbit):
