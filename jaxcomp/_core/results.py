@@ -128,8 +128,7 @@ class Result(Declared):
             if not is_single and set(data.dims) <= set(self.table_dims):
                 parts.append(data)
         for data in parts:
-            if np.ndim(data.values) != len(data.dims):
-                raise BadInput("result", "of many designs", "of one; take them apart first")
+            _refuse_many(data)
             shape |= dict(zip(data.dims, np.shape(data.values), strict=True))
         dims = [dim for dim in self.table_dims if dim in shape]
         sizes = [shape[dim] for dim in dims]
@@ -305,6 +304,17 @@ class Result(Declared):
                 yield look.words, f"{low} to {high} {look.units}".strip() + shape
 
 
+def _refuse_many(data: Data) -> None:
+    """Refuse numbers of many designs at once, as `vmap` returns them.
+
+    Raises:
+        BadInput: they are.
+    """
+    if np.ndim(data.values) != len(data.dims):
+        single = "of one; take them apart first, as by jax.tree.map(lambda leaf: leaf[0], result)"
+        raise BadInput("result", "of many designs", single)
+
+
 def _real_parts(data: Data) -> list[Data]:
     """Real numbers as they are; complex ones as amplitude and phase."""
     if not np.iscomplexobj(data.values):
@@ -371,7 +381,16 @@ class Plots:
                 if hasattr(argument, "as_compressor"):
                     argument = argument.as_compressor()
                 named[parameter] = argument
-            return function(**named, **options)
+            try:
+                return function(**named, **options)
+            except BadInput:
+                raise
+            except (TypeError, ValueError, IndexError):
+                # shapes that do not go together are those of many designs, where there are many;
+                # some pictures show these
+                for data in self._result.described():
+                    _refuse_many(data)
+                raise
 
         draw.__doc__ = function.__doc__
         draw.__name__ = name

@@ -326,6 +326,9 @@ def test_orbits_of_many_designs_are_one_data_set(orbit):
     assert "2 of 2 designs converged" in repr(many)
     with pytest.raises(BadInput, match="of many designs"):
         many.columns()
+    with pytest.raises(BadInput, match="of one; take them apart first"):
+        many.plot.loss_shares()
+    assert jax.tree.map(lambda leaf: leaf[0], many).plot.loss_shares().axes
 
 
 def test_rotations_of_mode_shapes_have_another_unit_than_displacements():
