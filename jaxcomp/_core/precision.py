@@ -54,6 +54,8 @@ def unoptimised_compiles() -> None:
     """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything."""
     tell_xla("--xla_backend_optimization_level", "0")
     tell_xla("--xla_disable_hlo_passes", ",".join(_PASSES_OVER_LOOPS))
+    # in one part instead of 32 that processors share, which takes a tenth of the time of all of them
+    tell_xla("--xla_cpu_parallel_codegen_split_count", "1")
 
 
 if os.environ.get("JAXCOMP_X64", "1") != "0":
