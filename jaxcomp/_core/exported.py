@@ -77,7 +77,8 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         leaves, structure = jax.tree.flatten((arguments, named))
         # Within another program this one becomes a part of it.
         if any(is_traced(leaf) for leaf in leaves):
-            return compiled(*arguments, **named)
+            with programs.collected_rarely():
+                return compiled(*arguments, **named)
         _refuse_mixed_precision(leaves)
         if any(getattr(leaf, "weak_type", False) for leaf in leaves):
             leaves = [*map(strongly_typed, leaves)]
@@ -94,13 +95,14 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         except TypeError:  # an argument that has no hash
             return compiled(*arguments, **named)
         if is_new:
-            program = None
-            if stored:
-                program = _program(function, template, structure)
-            of_this_process[key] = program
-            if program is None and not sees_compiles:
-                # the call below finds the program in the caches of JAX, and compiles nothing
-                _compile(compiled.lower(*arguments, **named).lowered, cached=False)
+            with programs.collected_rarely():
+                program = None
+                if stored:
+                    program = _program(function, template, structure)
+                of_this_process[key] = program
+                if program is None and not sees_compiles:
+                    # the call below finds the program in the caches of JAX, and compiles nothing
+                    _compile(compiled.lower(*arguments, **named).lowered, cached=False)
         program = of_this_process[key]
         if program is None:
             return compiled(*arguments, **named)

@@ -211,7 +211,9 @@ def quick_compiles() -> None:
 
     A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._core.precision`).
     """
-    gc.set_threshold(100_000, 20, 50)
+    from .._core.programs import RARELY
+
+    gc.set_threshold(*RARELY)
 
 
 @contextmanager
