@@ -128,7 +128,8 @@ class _LimitState:
         if new:
             u = jnp.asarray(np.stack(new))
             sign = 1.0 if self.limit.above else -1.0
-            solutions = solved(self.problem, self.machines(u))
+            # a search asks for one machine after the other: in a batch it would be solved eight times
+            solutions = solved(self.problem, self.machines(u), batch=1)
             beyond = sign * (solutions.values[:, self.place] - self.limit.bound)
             by_value = solutions.slope[:, self.place]
             # Chain rule: slopes over the numbers of the machine, times those of the numbers over u.
