@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers import without_drawing
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -210,6 +211,7 @@ def test_cheap_commands_run(page, tmp_path, monkeypatch):
     cheap = [line for line in commands(page) if is_cheap(line)]
     longer = ("notebooks/desk.md", "notebooks/identify.md")
     assert cheap or page in longer
+    without_drawing(monkeypatch)  # tests of each command look at its pictures
     run_all(page, cheap, tmp_path, monkeypatch)
 
 
