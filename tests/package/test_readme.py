@@ -123,7 +123,8 @@ EXAMPLES = [(page, i) for page in RUN for i, _ in enumerate(blocks(page, "python
 def test_examples_of_python_print_what_they_promise(page, number, tmp_path, monkeypatch):
     write_files(page, tmp_path)
     monkeypatch.chdir(tmp_path)
-    code = blocks(page, "python")[number]
+    # thousands of machines take two minutes, and what is printed of them is promised nowhere
+    code = blocks(page, "python")[number].replace("samples=4096", "samples=256")
     shown = printed_as_script(code) if "__main__" in code else printed_by(code)
     assert shown
     for line in promised(code):
@@ -231,6 +232,9 @@ LONGER = {
 @pytest.mark.parametrize(("page", "line"), LONGER.values(), ids=LONGER)
 def test_longer_commands_run(page, line, tmp_path, monkeypatch):
     files = [one for one in commands(page) if one[0] == "new"]
+    if line[0] == "tolerance":
+        # the last one counts; of thousands nothing more is seen here
+        line = [*line, "--samples", "256"]
     run_all(page, [*files, line], tmp_path, monkeypatch)
 
 
