@@ -233,9 +233,6 @@ LONGER = {
 }
 
 
-PERFECT_GAS = 'gas.fluid={type = "perfect_gas", gas_constant = "518 J/(kg K)", kappa = 1.3}'
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "line"), LONGER.values(), ids=LONGER)
 def test_longer_commands_run(page, line, tmp_path, monkeypatch):
@@ -243,9 +240,6 @@ def test_longer_commands_run(page, line, tmp_path, monkeypatch):
     if line[0] == "tolerance":
         # the last one counts; of thousands nothing more is seen here
         line = [*line, "--samples", "256"]
-    if "--load-steps" in line:
-        # half the program of methane, with which test_process_machine.py solves the same load steps
-        line = [*line, "--set", PERFECT_GAS]
     run_all(page, [*files, line], tmp_path, monkeypatch)
 
 
