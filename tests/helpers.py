@@ -303,3 +303,17 @@ def plate_valve(valve, unloader=None):
         port_length=valve.length,
         unloader=unloader,
     )
+
+
+def without_drawing(patch):
+    """Let commands write empty pictures, for tests of everything else that they write.
+
+    To lay out and draw the pictures of a result takes longer than to compute and print it.
+    """
+
+    def save_nothing(figure, file, **options):
+        del figure, options
+        file.write(b"no picture")
+
+    patch.setattr("matplotlib.figure.Figure.savefig", save_nothing)
+    patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)

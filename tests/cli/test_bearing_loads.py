@@ -12,7 +12,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import read_json, without_drawing
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from typer.testing import CliRunner
@@ -70,7 +70,11 @@ def mobility(e, force):
     """The velocity that carries a force, by Newton's method: the matrix is the slope."""
     v = force
     for _ in range(8):
+        before = v
         v = np.linalg.solve(impedance(e, v), force)
+        # errors are squared: the next one is at rounding
+        if np.abs(v - before).max() < 1e-8 * np.abs(v).max():
+            break
     return v
 
 
@@ -133,13 +137,16 @@ def test_the_orbit_is_that_of_an_own_integrator(table, pin, viscosity):
 
 
 def test_a_table_over_two_revolutions(pin):
-    """The second revolution under half the load; the bush turns with a constant rate."""
+    """The second revolution under half the load; the bush turns with a constant rate.
+
+    Every other point, so that the table has as many as those of one revolution and shares their program.
+    """
     angle, load, _ = numbers()
-    twice = np.concatenate([angle, angle + TURN])
-    both = np.concatenate([load, 0.5 * load], axis=1)
+    twice = np.concatenate([angle, angle + TURN])[::2]
+    both = np.concatenate([load, 0.5 * load], axis=1)[:, ::2]
     found = loaded_journal(BEARING, LoadTable(twice, both), SPEED, bush=0.2)
     assert found.table.period == pytest.approx(2 * TURN)
-    agrees(found, marched(twice, both, np.full(72, 0.2), 0.01, 2 * TURN))
+    agrees(found, marched(twice, both, np.full(36, 0.2), 0.01, 2 * TURN))
     columns = found.columns()
     assert columns["angle [rad]"][-1] == pytest.approx(2 * TURN, abs=0.1)
 
@@ -294,7 +301,8 @@ COMMAND = ["bearing", "--length", "45mm", "--diameter", "90mm", "--clearance", "
            "--viscosity", "10 mPa s", "--speed", "1000rpm"]  # fmt: skip
 
 
-def test_the_command_prints_numbers_and_writes_pictures(pin, file, tmp_path):
+def test_the_command_prints_numbers_and_writes_pictures(pin, file, tmp_path, monkeypatch):
+    without_drawing(monkeypatch)  # their curves are looked at above
     arguments = [*COMMAND, "--loads", str(file), "--model", "short", "--out", str(tmp_path / "o")]
     done = CliRunner().invoke(app, [*arguments, "--json"])
     assert done.exit_code == 0, done.output

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import read_json, without_drawing
 from typer.testing import CliRunner
 from vibration.test_balancing import table, three_runs
 from vibration.test_balancing_without_phase import FOUR_RUNS
@@ -190,7 +190,8 @@ def test_trial_weights_in_grams_give_corrections_in_grams(measured, tmp_path):
     assert "--largest" in run("--measured", weighed, "--largest", "2 g mm").output
 
 
-def test_runs_without_phase_are_balanced_and_the_choice_of_sides_is_said(tmp_path):
+def test_runs_without_phase_are_balanced_and_the_choice_of_sides_is_said(tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
     path = tmp_path / "runs.csv"
     path.write_text(FOUR_RUNS)
     result = found("--measured", path)
@@ -212,7 +213,8 @@ def test_runs_without_phase_are_balanced_and_the_choice_of_sides_is_said(tmp_pat
     assert 'which a column "plane" names' in " ".join(run("--measured", path).stdout.split())
 
 
-def test_a_correction_is_split_over_blades(tmp_path):
+def test_a_correction_is_split_over_blades(tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
     path = tmp_path / "fan.csv"
     path.write_text(FAN)
     result = found("--measured", path, "--places", "16")

@@ -5,6 +5,7 @@ import csv
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers import without_drawing
 from typer.testing import CliRunner
 
 from jaxcomp import load, solve_orbit
@@ -23,7 +24,8 @@ def curves(folder, *words):
     return dict(zip(head, np.array(rows, float).T, strict=True))
 
 
-def test_curves_on_even_degrees(tmp_path):
+def test_curves_on_even_degrees(tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
     table = curves(tmp_path, "mayekawa-wbhe", "--step", "0.5")
     compressor = load("mayekawa-wbhe").compressor
     orbit = solve_orbit(compressor)

@@ -6,7 +6,7 @@ import math
 import equinox as eqx
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import read_json, without_drawing
 from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load, load_result
@@ -36,7 +36,8 @@ def run(*arguments):
     return CliRunner().invoke(app, words, env={"COLUMNS": "200"})
 
 
-def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path):
+def test_a_modulus_is_fitted_to_its_frequencies(modal_test, tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
     out = tmp_path / "result"
     path = "rotor.shafts.3.young_modulus"
     answer = run(modal_test, "--vary", f"{path}=0.5:2", "--json", "--out", out)

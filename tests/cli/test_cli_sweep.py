@@ -2,12 +2,13 @@
 
 import os
 import pty
+import shutil
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import read_json, without_drawing
 from typer.testing import CliRunner
 
 from jaxcomp import load
@@ -82,17 +83,28 @@ def test_folder_has_store_pictures_scene_and_result(best_bores, folder):
     )
 
 
-def test_same_command_goes_on_where_one_ended(best_bores, folder):
+@pytest.fixture
+def copied(best_bores, folder, tmp_path, monkeypatch):
+    """A copy of the folder of results, in which nothing more is drawn."""
+    del best_bores  # which wrote them
+    without_drawing(monkeypatch)
+    return shutil.copytree(folder, tmp_path / "copied")
+
+
+def test_same_command_goes_on_where_one_ended(best_bores, copied):
+    folder = copied
+    expected = best_bores | {"store": str(folder / "sweep.zarr")}
     marks = [folder / "sweep.zarr" / name / "c/0/0" for name in ("ok", "mechanical_efficiency")]
     stamps = [mark.stat().st_mtime_ns for mark in marks]
-    assert found(*BORES, *SPEEDS, *FAST, "--out", folder) == best_bores
+    assert found(*BORES, *SPEEDS, *FAST, "--out", folder) == expected
     assert [mark.stat().st_mtime_ns for mark in marks] == stamps
     other = run("--over", "bore_at_displacement=100mm:190mm:9", *SPEEDS, *FAST, "--out", folder)
     assert other.exit_code == 2
     assert "other values of the variables" in other.stderr
 
 
-def test_tables_speak_in_millimetres_and_per_cent(best_bores, folder):
+def test_tables_speak_in_millimetres_and_per_cent(copied):
+    folder = copied
     text = run(*BORES, *SPEEDS, *FAST, "--out", folder).stdout
     heads = ("Best bore at displacement, mm", "Motor mean speed, rpm")
     for word in (*heads, "27 designs", "120", "91.1", "800"):

@@ -6,6 +6,7 @@ import resource
 
 import numpy as np
 import pytest
+from helpers import without_drawing
 from typer.testing import CliRunner
 
 import jaxcomp as jc
@@ -17,6 +18,11 @@ from jaxcomp.scene import start
 
 COMMAND = ["bearing", "--length", "45mm", "--diameter", "90mm", "--clearance", "45um",
            "--viscosity", "10 mPa s", "--speed", "1000rpm", "--load", "2 kN"]  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _nothing_drawn(monkeypatch):
+    without_drawing(monkeypatch)
 
 
 def invoke(*words):

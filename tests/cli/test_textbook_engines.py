@@ -118,7 +118,8 @@ FRICTION = (
 @pytest.mark.parametrize("extra", ["", FRICTION], ids=["inertia alone", "friction"])
 def test_a_held_speed_is_verified(tmp_path, extra):
     """The march has nothing to integrate but the works: they agree with those of the orbit."""
-    file = machine_file(tmp_path, "single", extra=extra)
+    # the programs without and with friction are those of the tests above and below
+    file = machine_file(tmp_path, "in-line-four", extra=extra)
     result = json.loads(ran(file, "--json", "--verify"))
     march = result["verification"]
     assert march["speed"] < 1e-12

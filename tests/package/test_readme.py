@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from helpers import without_drawing
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -29,6 +30,7 @@ from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderCrank, SliderLink
 from jaxcomp.scene import machines
 from jaxcomp.scene._explain import explained, part_places
+from jaxcomp.study._problem import solved
 
 ROOT = Path(__file__).parents[2]
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
@@ -123,6 +125,11 @@ def test_examples_of_python_print_what_they_promise(page, number, tmp_path, monk
     write_files(page, tmp_path)
     monkeypatch.chdir(tmp_path)
     code = blocks(page, "python")[number]
+    if "samples=4096" in code:
+        # What is printed of them is promised nowhere: fewer machines, and in the search for the nearest
+        # failing one, which asks for one at a time, no seven others beside it.
+        code = code.replace("samples=4096", "samples=256")
+        monkeypatch.setattr(solved, "__defaults__", (1,))
     shown = printed_as_script(code) if "__main__" in code else printed_by(code)
     assert shown
     for line in promised(code):
@@ -210,6 +217,7 @@ def test_cheap_commands_run(page, tmp_path, monkeypatch):
     cheap = [line for line in commands(page) if is_cheap(line)]
     longer = ("notebooks/desk.md", "notebooks/identify.md")
     assert cheap or page in longer
+    without_drawing(monkeypatch)  # tests of each command look at its pictures
     run_all(page, cheap, tmp_path, monkeypatch)
 
 
@@ -229,6 +237,9 @@ LONGER = {
 @pytest.mark.parametrize(("page", "line"), LONGER.values(), ids=LONGER)
 def test_longer_commands_run(page, line, tmp_path, monkeypatch):
     files = [one for one in commands(page) if one[0] == "new"]
+    if line[0] == "tolerance":
+        # the last one counts; of thousands nothing more is seen here
+        line = [*line, "--samples", "256"]
     run_all(page, [*files, line], tmp_path, monkeypatch)
 
 

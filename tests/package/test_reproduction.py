@@ -1,6 +1,5 @@
 """What notebooks/reproduction.ipynb says of the figures of the three papers, asserted."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -178,9 +177,13 @@ def test_thrust_bearing_whose_faces_are_not_parallel():
     assert other == pytest.approx(6.8, rel=0.03)
 
 
-def test_power_at_the_shaft():
-    orbit = solve_orbit(load("hermetic-68cc"), Collocation(reversals=0))
-    assert float(orbit.motor_power) == pytest.approx(2.07e3, abs=10)
+@pytest.fixture(scope="module")
+def hermetic():
+    return solve_orbit(load("hermetic-68cc"), Collocation(reversals=0))
+
+
+def test_power_at_the_shaft(hermetic):
+    assert float(hermetic.motor_power) == pytest.approx(2.07e3, abs=10)
 
 
 # ---------------------------------------------------------------- Levecque et al. (2011), Table 2
@@ -231,12 +234,10 @@ def test_table_2_as_read():
     assert np.hypot(np.mean(force), np.mean(across)) == pytest.approx(1489, rel=1e-3)
 
 
-def test_mean_force_of_the_bundled_machine():
+def test_mean_force_of_the_bundled_machine(hermetic):
     """The films of the bundled machine carry the mean over the pressure in the shell, half of that."""
-    machine = load("hermetic-68cc").compressor
+    machine, orbit = load("hermetic-68cc").compressor, hermetic
     area = float(machine.mechanism.piston_area)
-    held = eqx.tree_at(lambda c: c.friction, machine, None)
-    orbit = solve_orbit(held, Collocation(reversals=0))
     share = np.asarray(orbit.weight) / (2 * np.pi)
     mean = area * float(np.sum(share * np.asarray(orbit.pressure[0])))
     assert mean == pytest.approx(1420, abs=5)

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -69,14 +70,22 @@ def packed(node: ast.AST) -> bool:
 
 def within_itself(node: ast.AST, kinds) -> bool:
     """Whether an expression holds another one of its kind."""
-    inside = (child for child in ast.walk(node) if child is not node)
-    return isinstance(node, kinds) and any(isinstance(child, kinds) for child in inside)
+    if not isinstance(node, kinds):
+        return False
+    return any(isinstance(child, kinds) for child in ast.walk(node) if child is not node)
 
 
+@cache
+def nodes_of(text: str) -> list[ast.AST]:
+    """All nodes of a source, which several tests look at."""
+    return list(ast.walk(ast.parse(text)))
+
+
+@cache
 def counted(text: str) -> Counter:
     """How often each of `LIMITS` occurs in a source."""
     count = Counter()
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes_of(text):
         count["packed"] += packed(node)
         count["conditional"] += within_itself(node, ast.IfExp)
         count["comprehension"] += within_itself(node, COMPREHENSIONS)
@@ -98,7 +107,7 @@ def figures_of(package: str) -> tuple[int, float, float]:
     count = Counter()
     folder = PACKAGE / package if package else PACKAGE
     for path in folder.rglob("*.py") if package else folder.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in nodes_of(path.read_text("utf-8")):
             count["statements"] += isinstance(node, ast.stmt)
             count["names"] += is_empty_name(node)
             count["conditional"] += isinstance(node, ast.IfExp)
@@ -111,7 +120,7 @@ def figures_of(package: str) -> tuple[int, float, float]:
 def without_subject(text: str) -> list[str]:
     """First lines of docstrings that name no subject."""
     kinds = ast.FunctionDef | ast.ClassDef
-    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, kinds)]
+    nodes = [node for node in nodes_of(text) if isinstance(node, kinds)]
     openings = [(ast.get_docstring(node) or "").partition("\n")[0] for node in nodes]
     return [opening for opening in openings if NO_SUBJECT.match(opening)]
 
@@ -157,7 +166,7 @@ def test_every_package_is_counted():
 
 def test_what_is_counted_is_seen():
     code = "def made(found):\n    one = found\n    return one\n"
-    assert sum(map(is_empty_name, ast.walk(ast.parse(code)))) == 3
+    assert sum(map(is_empty_name, nodes_of(code))) == 3
     assert counted("a, length = f(), g()\nx, y = 1, 2\n")["packed"] == 1
     assert counted("x = 1 if a else 2 if b else 3\n")["conditional"] == 1
     assert counted("x = [[i for i in j] for j in k]\n")["comprehension"] == 1

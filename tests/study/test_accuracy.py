@@ -2,9 +2,11 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
+from benchmarks import layouts
 from benchmarks.march import observed_order
 from benchmarks.march import orders as orders_of
 from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
@@ -17,6 +19,7 @@ from jaxcomp.machine import machine_of
 from jaxcomp.study import AnalysisOptions
 from jaxcomp.study.accuracy import Report
 from jaxcomp.study.accuracy._accuracy import STUDIES
+from jaxcomp.study.accuracy._gradient import gradient_study
 from jaxcomp.study.accuracy._orbit_study import by_scipy, known_quantities
 from jaxcomp.study.accuracy._report import Measurement, Reference
 from jaxcomp.study.accuracy._rotor_study import film_places
@@ -242,8 +245,6 @@ def test_hermetic_machine_beside_a_program_of_its_own_in_numpy_and_scipy():
 
 
 def test_derivatives_carry_the_name_of_a_derivative():
-    from jaxcomp.study.accuracy._gradient import gradient_study
-
     question = Question(
         machine_of(load("hermetic-68cc")), "vibration", "mechanism.conrod_length", "crank"
     )
@@ -492,7 +493,8 @@ def test_collocation_and_an_eighth_order_method_end_at_the_same_speed(orders):
 
 @pytest.fixture(scope="module")
 def orbit():
-    return accuracy(load("mayekawa-wbhe"))
+    # first calls and march are those of the study of friction of the same machine
+    return accuracy(load("mayekawa-wbhe"), None, STUDIES["orbit"]._replace(verified=False))
 
 
 @pytest.mark.slow
@@ -673,15 +675,61 @@ def test_every_quantity_has_a_true_error_or_a_refusal_in_words(monkeypatch, name
 
 
 ALL_STUDIES = STUDIES | DEVELOPER_STUDIES
+# Numbers of cylinders of a case: that of eight takes as long as the others together.
+COUNTS = {"cylinders": (1, 2, 4), "eight cylinders": (8,)}
+KINDS = (*(one for one in ALL_STUDIES if one not in ("orbit", "quantities")), "eight cylinders")
+
+
+def forward_mode(question, thorough):
+    """Beside the references of the study."""
+    plan = gradient_study(question, thorough)
+    forward, *_ = plan.settings
+    assert forward.method.startswith("forward")
+    return plan._replace(settings=(forward,))
+
+
+def reverse_mode_and_differences(question, thorough):
+    """Beside the forward mode of the same solver."""
+    plan = gradient_study(question, thorough)
+    forward, *others = plan.settings
+    assert others[0].method.startswith("reverse")
+
+    def reference():
+        value = float(forward.prepare().run().value)
+        return Reference(value, value, ("forward", "forward"))
+
+    return plan._replace(reference=reference, settings=tuple(others))
+
+
+# The study whose programs take the longest, in two.
+PARTS = {"forward": forward_mode, "reverse": reverse_mode_and_differences}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS)
+def test_gradients_of_the_slider_link_end_in_a_report(part):
+    # first calls and march are those of the study of friction of the same machine
+    kind = STUDIES["gradient"]._replace(make=PARTS[part], verified=False)
+    found = accuracy(load("slider-link-8cc"), None, kind, variable="mechanism.crank_radius")
+    assert np.isfinite(found.reference.floor)
+    assert any(np.isfinite(row.error) for row in found.rows)
+    assert all(row.why for row in found.rows if not np.isfinite(row.error))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "study", [one for one in ALL_STUDIES if one not in ("orbit", "quantities")]
+    ("name", "study"),
+    [pair for pair in product(MACHINES, KINDS) if pair != ("slider-link-8cc", "gradient")],
 )
-@pytest.mark.parametrize("name", MACHINES)
-def test_every_study_of_every_machine_ends_in_a_report_or_in_words(name, study):
+def test_every_study_of_every_machine_ends_in_a_report_or_in_words(name, study, monkeypatch):
+    if counts := COUNTS.get(study):
+        some = {count: layouts.LAYOUTS[count] for count in counts}
+        monkeypatch.setattr(layouts, "LAYOUTS", some)
+        study = "cylinders"
     kind, variable = ALL_STUDIES[study], "mechanism.crank_radius" if study == "gradient" else None
+    if study == "gradient":
+        # its first calls and its march are those of the study of friction of the same machine
+        kind = kind._replace(verified=False)
     without = kind.needs == "rotor" and name != "hermetic-68cc"
     if without or study == "cycle" or (study, name) == ("cylinders", "slider-link-8cc"):
         with pytest.raises(BadInput):

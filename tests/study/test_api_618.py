@@ -209,4 +209,8 @@ def test_a_trunk_piston_has_the_numbers_and_no_page():
 
 def test_machines_without_rods_or_gas_have_none():
     assert steady_state(throw(None)).api_618 is None
-    assert steady_state(load("slider-link-8cc")).api_618 is None
+    # a mechanism without rods, without friction and rotor, which have no part in it
+    link = load("slider-link-8cc").compressor.mechanism
+    gas = PolytropicCycle(LOW, HIGH, EXPONENT, HEAD)
+    machine = Machine(Compressor(link, Crankshaft(8.0), ConstantSpeed(SPEED), gas))
+    assert steady_state(machine).api_618 is None

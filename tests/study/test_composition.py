@@ -28,6 +28,13 @@ def bubble_temperature(found):
     return found.design.compressor.gas.fluid.bubble_temperature(jnp.asarray(1.2e6))
 
 
+@pytest.fixture(scope="module")
+def pressure_and_temperature():
+    """Dew pressure and bubble temperature over the share of R32, as one program for all shares."""
+    study = problem(design_of("R454C"), {R32: (0.05, 0.7)}, [dew_pressure, bubble_temperature])
+    return jax.jit(lambda x: study(x).values)
+
+
 def blend_of(share: float) -> Mixture:
     return Mixture(mass_fractions={"R32": share, "R1234yf": 1 - share})
 
@@ -59,17 +66,15 @@ def test_mole_fractions_move_as_well():
 
 
 @pytest.mark.parametrize("share", [0.10, 0.2, 0.23, 0.6])
-def test_a_program_solves_the_lines_of_each_composition(share):
+def test_a_program_solves_the_lines_of_each_composition(pressure_and_temperature, share):
     """Lines of first order are off by 3e-3 in pressure at 5 %."""
-    study = problem(design_of("R454C"), {R32: (0.05, 0.7)}, [dew_pressure, bubble_temperature])
-    values = jax.jit(lambda x: study(x).values)(jnp.array([share]))
+    values = pressure_and_temperature(jnp.array([share]))
     fluid = blend_of(share)
     expected = [fluid.dew_pressure(280.0), fluid.bubble_temperature(1.2e6)]
     np.testing.assert_allclose(values, expected, rtol=LINES)
 
 
-def test_slopes_to_a_fraction_agree_with_differences_of_blends_made_anew():
-    study = problem(design_of("R454C"), {R32: (0.05, 0.7)}, [dew_pressure, bubble_temperature])
+def test_slopes_to_a_fraction_agree_with_differences_of_blends_made_anew(pressure_and_temperature):
     at = jnp.array([0.3])
     step = 1e-3
     rows = [blend_of(0.3 + n * step) for n in (-2, -1, 1, 2)]
@@ -79,7 +84,7 @@ def test_slopes_to_a_fraction_agree_with_differences_of_blends_made_anew():
         weights @ np.array([float(fluid.bubble_temperature(1.2e6)) for fluid in rows]),
     ]
     for slope in (jax.jacfwd, jax.jacrev):
-        found = jax.jit(slope(lambda x: study(x).values))(at)[:, 0]
+        found = jax.jit(slope(pressure_and_temperature))(at)[:, 0]
         # of differences of fourth order with steps of 0.1 %
         np.testing.assert_allclose(found, expected, rtol=1e-7)
 
@@ -89,7 +94,7 @@ def test_sensitivity_to_a_fraction_is_that_of_the_moved_composition():
     found = sensitivity(scene, [dew_pressure])
     place = found.numbers.index(R32)
     study = problem(scene, {R32: (0.1, 0.5)}, [dew_pressure])
-    slope = jax.jacfwd(lambda x: study(x).values)(study.current)[0, 0]
+    slope = jax.jit(jax.jacfwd(lambda x: study(x).values))(study.current)[0, 0]
     # the file of R448A has its slopes with eight digits
     np.testing.assert_allclose(found.derivative[0, place], slope, rtol=1e-7)
     assert {one.name for one in given_numbers(scene.machine)} >= {R32}

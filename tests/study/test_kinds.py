@@ -33,6 +33,9 @@ WALL, PIN, INERTIA = (
 )
 SPEED = "motor.mean_speed"
 LOSSES = ("loss_power.wall", "loss_power.crank_pin")
+# The fits of this file vary the same constants, and its tables have the same columns: all of them share
+# one program for tables and one for traces.
+VARY = {WALL: None, PIN: None, INERTIA: None}
 
 
 def changed(machine, values):
@@ -78,6 +81,17 @@ def trace(machine, truth):
     return Trace("speed.csv", ("speed",), angle, speed[None])
 
 
+def to_predict(name, speed, power):
+    """A table of the shaft power alone at one speed, with the columns of `table`."""
+    measured = np.array([[np.nan, np.nan, power]])
+    return Table(name, (*LOSSES, "motor_power"), measured, (SPEED,), np.array([[speed]]))
+
+
+@pytest.fixture(scope="module")
+def identified(machine, table, trace):
+    return identify(machine, [table, trace], VARY, starts=1)
+
+
 def test_the_speed_at_any_angle_is_that_of_the_panels(machine):
     orbit = solve_orbit(machine.as_compressor())
     np.testing.assert_allclose(
@@ -89,10 +103,9 @@ def test_the_speed_at_any_angle_is_that_of_the_panels(machine):
     np.testing.assert_allclose(jnp.min(fine), orbit.lowest_speed, rtol=1e-7)
 
 
-def test_losses_and_a_speed_over_the_revolution_in_one_fit(machine, truth, table, trace):
-    vary = {WALL: None, PIN: None, INERTIA: None}
-    found = identify(machine, [table, trace], vary, starts=1)
-    assert found.parameters == (*vary, "speed.csv: top_dead_centre")
+def test_losses_and_a_speed_over_the_revolution_in_one_fit(machine, truth, table, identified):
+    found = identified
+    assert found.parameters == (*VARY, "speed.csv: top_dead_centre")
     # exact readings: what is left is where the fit stops, and the priors of the sensor's angle
     error = np.abs(found.estimate[:3] - np.array([*truth.values()]))
     np.testing.assert_array_less(error, 0.05 * found.standard_error[:3])
@@ -104,7 +117,7 @@ def test_losses_and_a_speed_over_the_revolution_in_one_fit(machine, truth, table
     assert found.quantities == [*LOSSES, "motor_power", "speed"]
     assert np.isnan(found.conditions["crank_angle"]).sum() == 6
     # losses alone say nothing of the inertia
-    alone = identify(machine, table, vary, starts=1)
+    alone = identify(machine, table, VARY, starts=1)
     assert any(INERTIA in words for words in alone.weak)
     # every file is a line of its own in the picture
     speed = np.flatnonzero(found.of("speed"))
@@ -116,34 +129,35 @@ def test_losses_and_a_speed_over_the_revolution_in_one_fit(machine, truth, table
         assert all((np.diff(line) > 0).all() for line in lines)
 
 
-def test_tolerances_of_what_was_identified(machine, table, tmp_path):
-    found = identify(machine, table, {WALL: None, PIN: None}, starts=1)
+def test_tolerances_of_what_was_identified(identified, tmp_path):
+    found = identified
     file = tmp_path / "tolerances.toml"
     file.write_text(identified_tolerances(found))
     texts, correlations = read_tolerance_file(file)
-    assert set(texts) == {WALL, PIN}
+    assert set(texts) == {WALL, PIN, INERTIA}
     value = found.covariance[0, 1] / (found.standard_error[0] * found.standard_error[1])
     assert correlations[(WALL, PIN)] == pytest.approx(float(value), abs=1e-6)
+    assert set(correlations) == {(WALL, PIN), (WALL, INERTIA), (PIN, INERTIA)}
     assert float(texts[WALL].removeprefix("sigma ")) == pytest.approx(
         float(found.standard_error[0]), rel=1e-5
     )
 
 
-def test_points_that_were_not_measured(machine, table):
-    found = identify(machine, table, {WALL: None, PIN: None}, hold_out=[1], starts=1)
+def test_points_that_were_not_measured(machine, table, trace):
+    found = identify(machine, [table, trace], VARY, hold_out=[1], starts=1)
     assert found.held_out["motor_power"].inside == 1
     assert found.held_out["motor_power"].rms < 1e-4
-    ahead = Table("ahead", ("motor_power",), np.array([[np.nan]]), (SPEED,), np.array([[105.0]]))
+    ahead = to_predict("ahead", 105.0, np.nan)
     entries, said = found.predict(ahead)
     assert entries.quantity == ()
-    wanted = Table("ahead", ("motor_power",), np.array([[1.0]]), (SPEED,), np.array([[105.0]]))
+    wanted = to_predict("ahead", 105.0, 1.0)
     entries, said = found.predict(wanted)
     real = DesignResult(changed(found.machine, {SPEED: 105.0}), AnalysisOptions())
     assert said.value[0] == pytest.approx(float(real.orbit.motor_power), rel=1e-9)
     assert said.model_sd[0] > 0
     assert said.half_width[0] > 1.9 * said.model_sd[0]
     # of several measurements at once, in their order
-    slower = Table("slower", ("motor_power",), np.array([[1.0]]), (SPEED,), np.array([[95.0]]))
+    slower = to_predict("slower", 95.0, 1.0)
     both = found.predict(wanted, slower)
     alone = found.predict(slower).prediction
     assert both.entries.quantity == ("motor_power", "motor_power")
@@ -151,15 +165,25 @@ def test_points_that_were_not_measured(machine, table):
     np.testing.assert_allclose(both.prediction.inflated[1], alone.inflated[0], rtol=1e-12)
 
 
-def test_the_command_identifies_and_predicts(machine, truth, table, tmp_path):
-    file, ahead, out = (tmp_path / name for name in ("losses.csv", "ahead.csv", "found"))
-    heads = ["motor.mean_speed [rad/s]", "loss_power.wall [W]", "motor_power [W]"]
-    rows = [(s, row[0], row[2]) for (s,), row in zip(table.settings, table.measured, strict=True)]
-    file.write_text(
-        "\n".join([",".join(heads), *(",".join(map(repr, map(float, r))) for r in rows)])
+def write_csv(file, heads, rows):
+    lines = [",".join(map(repr, map(float, row))) for row in rows]
+    file.write_text("\n".join([",".join(heads), *lines]))
+
+
+def test_the_command_identifies_and_predicts(machine, truth, table, trace, tmp_path):
+    names = ("losses.csv", "speed.csv", "ahead.csv", "found")
+    losses, speed, ahead, out = (tmp_path / name for name in names)
+    heads = [*(f"{name} [W]" for name in LOSSES), "motor_power [W]"]
+    rows = np.hstack([table.settings, table.measured])
+    write_csv(losses, ["motor.mean_speed [rad/s]", *heads], rows)
+    rows = np.stack([np.degrees(trace.angle), trace.measured[0]], 1)
+    write_csv(speed, ["crank_angle [deg]", "speed [rad/s]"], rows)
+    ahead.write_text(
+        "motor.mean_speed [rpm],loss_power.wall [W],loss_power.crank_pin [W],motor_power [kW]\n"
+        "1000,,,1\n"
     )
-    ahead.write_text("motor.mean_speed [rpm],motor_power [kW]\n1000,1\n")
-    given = ["identify", "mayekawa-wbhe", "--data", str(file), "--vary", WALL, "--vary", PIN]
+    vary = [word for name in VARY for word in ("--vary", name)]
+    given = ["identify", "mayekawa-wbhe", "--data", str(losses), "--data", str(speed), *vary]
     more = ["--predict", str(ahead), "--sd", "motor_power=0.5%", "--json", "--out", str(out)]
     done = CliRunner().invoke(app, [*given, *more, "--starts", "1"])
     assert done.exit_code == 0, done.output
@@ -168,12 +192,13 @@ def test_the_command_identifies_and_predicts(machine, truth, table, tmp_path):
     # the readings are exact and the fit stops at 1e-6 of chi-square
     assert values[WALL] == pytest.approx(truth[WALL], rel=1e-3)
     assert values[PIN] == pytest.approx(truth[PIN], rel=1e-2)
+    assert values[INERTIA] == pytest.approx(truth[INERTIA], rel=1e-2)
     assert result["predicted"]["quantity"] == ["motor_power"]
     assert 0 < result["predicted"]["model_sd"][0] < 0.02 * result["predicted"]["value"][0]
     again = load(out / "machine.toml")
-    assert again.sources[WALL].startswith("identified from losses.csv, ")
+    assert again.sources[WALL].startswith("identified from losses.csv, speed.csv, ")
     texts, _ = read_tolerance_file(out / "tolerances.toml")
-    assert set(tolerances_of(again.machine, texts)) == {WALL, PIN}
+    assert set(tolerances_of(again.machine, texts)) == {WALL, PIN, INERTIA}
     for name in ("identified.json", "readings.csv", "predicted.csv", "identified_motor_power.png",
                  "identified_pairs.png"):  # fmt: skip
         assert (out / name).exists(), name
@@ -187,7 +212,7 @@ def test_an_interrupt_leaves_the_best_so_far(machine, table):
         if len(seen) == 2:
             raise KeyboardInterrupt
 
-    found = identify(machine, table, {WALL: None, PIN: None}, starts=3, keep=keep)
+    found = identify(machine, table, VARY, starts=3, keep=keep)
     assert found.fit.interrupted
     assert not found.fit.converged
     assert float(found.chi_square) == pytest.approx(min(seen))

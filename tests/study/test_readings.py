@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers import without_drawing
 from typer.testing import CliRunner
 
 from jaxcomp import BadInput, load
@@ -377,6 +378,8 @@ def test_bundled_maps(name, at, values):
 
 
 def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
+
     def made_up(scene, evaporating, condensing, standard, options, solver, reference):
         x, y = evaporating[:, None] - ZERO, condensing - ZERO
         n = float(scene.machine.compressor.motor.mean_speed) / (2 * np.pi)
@@ -408,6 +411,8 @@ def test_the_command_map_writes_coefficients(tmp_path, monkeypatch):
 
 
 def test_a_map_by_mean_temperatures_says_so(tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
+
     def made_up(scene, evaporating, condensing, standard, options, solver, reference):
         x, y = evaporating[:, None] - ZERO, condensing - ZERO
         values = {name: 100 + x + 0 * y for name, *_ in QUANTITIES}

@@ -129,7 +129,8 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
 
 def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
     over = {"friction.wall.coefficient": [40.0, 50.0]}
-    found = sweep(machine, over, options=sweep_runs.fast_options(), out=tmp_path / "out", batch=1)
+    options = {"options": sweep_runs.fast_options(), "out": tmp_path / "out", "batch": 1}
+    found = sweep(machine, over, ["mechanical_efficiency"], **options)
     assert not found.ok.values.any()
     assert len(blocks(tmp_path / "out")) == 2
     again = open_sweep(tmp_path / "out")

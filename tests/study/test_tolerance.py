@@ -30,7 +30,7 @@ def test_moments_are_those_of_the_distribution(distribution, sigmas):
     one = within((-1e-5, 3e-5), distribution, sigmas=sigmas)
     # the midpoint rule over shares of the normal variable's range; 1e-5 is its error at the ends
     share = (np.arange(400_000) + 0.5) / 400_000
-    x = np.asarray(one.at(stats.norm.ppf(share)))
+    x = np.asarray(jax.jit(one.at)(stats.norm.ppf(share)))
     assert x.mean() == pytest.approx(one.middle, rel=1e-5)
     assert x.std() == pytest.approx(one.deviation, rel=1e-5)
     assert stats.kurtosis(x) == pytest.approx(one.excess, abs=2e-3)  # its fourth power: 1e-3
@@ -43,19 +43,20 @@ def test_truncated_distribution_is_scipys():
     share = np.array([1e-12, 1e-3, 0.2, 0.5, 0.9, 1 - 1e-9])
     z = stats.norm.ppf(share)
     right = stats.truncnorm(-1.5, 1.5, scale=2.0 / 1.5).ppf(share)
-    np.testing.assert_allclose(one.at(z), right, rtol=1e-9, atol=1e-12)  # SciPy's own digits
+    np.testing.assert_allclose(jax.jit(one.at)(z), right, rtol=1e-9, atol=1e-12)  # SciPy's digits
 
 
 @pytest.mark.parametrize("distribution", ["normal", "uniform", "truncated"])
 def test_deviation_is_smooth_in_the_normal_variable(distribution):
     one = within(1.0, distribution)
     z = jnp.array([-9.0, -3.0, -1e-3, 0.0, 1e-3, 3.0, 9.0])
-    slope = jax.vmap(jax.grad(lambda x: one.at(x)))(z)
+    at = jax.jit(one.at)
+    slope = jax.jit(jax.vmap(jax.grad(lambda x: one.at(x))))(z)
     h = 1e-5
-    differences = (one.at(z + h) - one.at(z - h)) / (2 * h)
+    differences = (at(z + h) - at(z - h)) / (2 * h)
     assert np.all(np.isfinite(slope))
     np.testing.assert_allclose(slope, differences, rtol=1e-6, atol=1e-9)  # h^2 and rounding/h
-    np.testing.assert_allclose(one.at(z), -one.at(z)[::-1], atol=1e-15)
+    np.testing.assert_allclose(at(z), -at(z)[::-1], atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +87,7 @@ def test_deviations_are_correlated_as_asked(a, b, rho):
     share = (np.arange(400) + 0.5) / 400
     z = stats.norm.ppf(share)
     u = np.stack(np.meshgrid(z, z, indexing="ij"), -1).reshape(-1, 2)
-    found = np.cov(np.asarray(scatter.at(nominal, u)).T)
+    found = np.cov(np.asarray(jax.jit(scatter.at)(nominal, u)).T)
     assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(-rho, abs=2e-3)
     covariance = np.asarray(scatter.covariance(nominal))
     np.testing.assert_allclose(found, covariance, rtol=5e-3)
@@ -390,7 +391,8 @@ def test_polar_coordinates_of_a_correction():
     assert float(magnitude.current(now)) == pytest.approx(8e-4, rel=1e-14)
     assert float(angle.current(now)) == pytest.approx(np.deg2rad(120), rel=1e-14)
     # nothing has no angle, and yet finite slopes
-    slope = eqx.filter_grad(lambda d: magnitude.current(d) + angle.current(d))(design)
+    both = lambda d: magnitude.current(d) + angle.current(d)  # noqa: E731
+    slope = eqx.filter_jit(eqx.filter_grad(both))(design)
     assert np.all(np.isfinite(slope.corrections["rotor-top"]))
 
 
@@ -435,7 +437,8 @@ def test_parts_have_names_and_not_paths(path, words):
 
 
 def test_the_first_machines_come_alone_so_that_a_forecast_is_early(scene):
-    made = problem(scene, [BORE], ["mechanical_efficiency"])
+    options = AnalysisOptions(Collocation(nodes=8, reversals=0))
+    made = problem(scene, [BORE], ["mechanical_efficiency"], options)
     width = default_width(made, jax.local_devices())
     rows = np.linspace(0.125, 0.135, 2 * width + 1)[:, None]
     counts = []

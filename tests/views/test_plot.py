@@ -84,7 +84,8 @@ def test_area_of_the_indicator_diagram_is_the_gas_work(machine, orbit):
 def test_both_ends_of_double_acting_cylinders_are_drawn():
     """Head end and crank end of both stages; what they enclose is the work of the gas."""
     compressor = compressor_of(load("two-stage-crosshead"))
-    orbit = solve_orbit(compressor)
+    # where loads reverse in mid-stroke is nothing to the gas
+    orbit = solve_orbit(compressor, Collocation(reversals=0))
     (ax,) = plot.pv_diagram(compressor, orbit).axes
     labels = [line.get_label() for line in ax.lines]
     assert labels == [

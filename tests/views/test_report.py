@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from importlib import resources
 
 import pytest
-from helpers import read_json
+from helpers import read_json, without_drawing
 from matplotlib.figure import Figure
 from rich.table import Table
 from typer.testing import CliRunner
@@ -255,7 +255,8 @@ VOLUME = ("--quantity", "swept_volume")
     ],
     ids=lambda value: value[0],
 )
-def test_a_report_has_the_evidence_of_its_result(arguments, names, tmp_path):
+def test_a_report_has_the_evidence_of_its_result(arguments, names, tmp_path, monkeypatch):
+    without_drawing(monkeypatch)
     done = CliRunner().invoke(app, [*arguments, "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     text = Reader((tmp_path / "report.html").read_text("utf-8")).text
