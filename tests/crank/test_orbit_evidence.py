@@ -153,9 +153,10 @@ def test_a_failure_close_to_locking_names_the_lock():
             solve_orbit(near)
 
 
-@pytest.mark.parametrize(
-    "solver", [Collocation(), pytest.param(Shooting(), marks=pytest.mark.slow)]
-)
+FINE = Collocation(nodes=24)
+
+
+@pytest.mark.parametrize("solver", [FINE, pytest.param(Shooting(), marks=pytest.mark.slow)])
 def test_a_given_speed_is_checked_like_any_other(solver):
     held = {"motor": ConstantSpeed(1000 * RPM)}
     good = solve_orbit(machine(**held), solver, throw=False)
@@ -170,7 +171,7 @@ def test_a_coarse_revolution_at_a_given_speed_is_unresolved():
     coarse = solve_orbit(steep, Collocation(nodes=4, reversals=0), throw=False)
     assert status_of(coarse) == "unresolved"
     assert float(coarse.efficiency_error) > 1e-2
-    fine = solve_orbit(steep, Collocation(nodes=24), throw=False)
+    fine = solve_orbit(steep, FINE, throw=False)
     assert float(fine.efficiency_error) < 1e-6
     assert status_of(fine) == "converged"
 
