@@ -64,11 +64,17 @@ def work_over_angle(table):
     return float(np.sum(around * force * slope))
 
 
-# 181 as the closed table has them below, whose program serves here as well
+def solver_of(made):
+    """The default without edges at load reversals, which the gas does not see: a third of a program."""
+    return dataclasses.replace(default_collocation(made), reversals=0)
+
+
+# 181 by default as the closed table below, whose program serves here as well
 @pytest.mark.parametrize("points", [24, 97, 181])
 def test_a_diagram_over_the_angle_keeps_its_work(points):
     table = table_over_angle(points)
-    orbit = solve_orbit(machine(gas=table))
+    made = machine(gas=table)
+    orbit = solve_orbit(made, None if points == 181 else solver_of(made))
     exact = work_over_angle(table)
     # seen: 1e-9 with 4 nodes between neighbours, 1e-12 with 8
     assert float(orbit.energy.gas_work) == pytest.approx(exact, rel=1e-8)
@@ -94,8 +100,8 @@ def test_a_diagram_over_the_volume_keeps_its_work():
     """Polygons of the cubics' integrals: the volume is the abscissa, so that no mechanism matters."""
     share = np.linspace(0, 1, 41)
     inward, outward = 98e3 + 4e5 * (1 - share) ** 2, 98e3 + 3e5 * np.exp(-20 * share)
-    gas = VolumeTable(share, inward, outward, 98e3)
-    orbit = solve_orbit(machine(gas=gas))
+    made = machine(gas=VolumeTable(share, inward, outward, 98e3))
+    orbit = solve_orbit(made, solver_of(made))
 
     def mean(pressure):
         secant, inner = np.diff(pressure) / np.diff(share), curve_slopes(share, pressure)
@@ -124,14 +130,15 @@ def test_work_that_the_nodes_do_not_resolve_is_told():
     """A harmonic of order 40, of which 6 panels of 8 nodes see nothing."""
     cosine = np.zeros(80)
     cosine[79] = 2e6
-    gas = FourierDiagram(3e5, cosine, -2e4 * np.ones(80), 98e3)
-    orbit = solve_orbit(machine(gas=gas), throw=False)
+    made = machine(gas=FourierDiagram(3e5, cosine, -2e4 * np.ones(80), 98e3))
+    orbit = solve_orbit(made, solver_of(made), throw=False)
     assert status_of(orbit) == "unresolved"
     assert float(orbit.gas_work_error) > 0.01 * abs(float(orbit.energy.gas_work))
 
 
 def test_the_march_compares_the_work():
-    orbit = solve_orbit(machine(gas=table_over_angle(97)), verify=True)
+    made = machine(gas=table_over_angle(97))
+    orbit = solve_orbit(made, solver_of(made), verify=True)
     error = float(orbit.verification.gas_work_error)
     assert abs(error) < 1e-7 * float(orbit.energy.gas_work)
 
