@@ -316,13 +316,17 @@ def test_turning_the_machine_turns_nothing_but_the_frame():
 def test_forces_on_the_frame_are_the_shaking_force(twin):
     """Walls, heads and bearings together are what the inertia of all moving parts says."""
     compressor = several(LAYOUTS[2])
-    wrench = shaking_wrench(compressor, twin.state)
-    gas = instants(compressor, twin.state.angle).gas_force
-    forces = twin.loads.forces
-    wall = [forces[f"wall_{k}"] for k in (1, 2)]
-    own = Vector(*(jnp.stack([-f[i] for f in wall]) for i in (0, 1)))
-    own = Vector(own.x + gas, own.y)
-    total = compressor.crankshaft.turned(own).stacked()
+
+    @eqx.filter_jit  # as one program: outside of one every operation is compiled by itself
+    def forces_of_cylinders(orbit):
+        wall = jnp.stack([orbit.loads.forces[f"wall_{k}"] for k in (1, 2)], axis=1)
+        gas = instants(compressor, orbit.state.angle).gas_force
+        own = Vector(gas - wall[0], -wall[1])
+        return shaking_wrench(compressor, orbit.state), compressor.crankshaft.turned(own).stacked()
+
+    wrench, total = forces_of_cylinders(twin)
+    total = np.asarray(total)
+    forces = {name: np.asarray(force) for name, force in twin.loads.forces.items()}
     frame = total.sum(axis=1) - forces["main_1"] - forces["main_2"]
     np.testing.assert_allclose(frame, wrench.force[:2], atol=1e-8)  # [N] of forces of 10 kN
     z = np.array([-0.02, 0.02])[:, None]
@@ -367,10 +371,16 @@ def test_orders_of_the_shaking_force_at_constant_speed(name):
         np.testing.assert_allclose(got, (amplitude * ahead, amplitude * behind), atol=1e-9)
 
 
+@eqx.filter_jit
+def sums_of(shafts):
+    """Sums of the first and second order of several crankshafts, by one program."""
+    return {name: (shaft.order_sums(1), shaft.order_sums(2)) for name, shaft in shafts.items()}
+
+
 def test_sums_of_orders_are_those_of_the_closed_forms():
-    for name, (throws, *wanted) in BALANCES.items():
-        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
-            sums = layout(throws).order_sums(order)
+    orders = sums_of({name: layout(throws) for name, (throws, *_) in BALANCES.items()})
+    for name, (_, *wanted) in BALANCES.items():
+        for sums, (ahead, behind) in zip(orders[name], wanted, strict=True):
             got = abs(complex(sums.forward)), abs(complex(sums.backward))
             np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
     # V90 on two throws, the rods of each at one place: couples of order 1 turn forward only
@@ -378,7 +388,7 @@ def test_sums_of_orders_are_those_of_the_closed_forms():
     together = dataclasses.replace(
         two, throws=tuple(dataclasses.replace(t, rod_pitch=0.0) for t in two.throws)
     )
-    sums = together.order_sums(1)
+    sums, _ = sums_of({"together": together})["together"]
     couple = abs(complex(sums.forward_couple)), abs(complex(sums.backward_couple))
     np.testing.assert_allclose(couple, (1.0, 0.0), atol=1e-12)
     np.testing.assert_allclose(np.rad2deg(two.firing_intervals), 90.0, atol=1e-9)
@@ -419,13 +429,18 @@ def test_a_stiff_crank_train_moves_as_the_rigid_crank(twin):
     chain = TorsionalChain(
         [0.6 * inertia, 0.4 * inertia + float(throw_inertias(compressor)[0])], [1e12]
     )
-    losses = twin.loads.loss_torque
-    bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
-    torques = jnp.stack([twin.motor_torque - bearings, throw_torques(compressor, twin)[0]])
-    instants_ = twin.time, twin.weight / twin.state.speed
-    torque, frequency = time_harmonics(torques, *instants_, 6)
-    angle = chain.response(torque, frequency)
-    rise, _ = time_harmonics(twin.state.acceleration, *instants_, 6)
+
+    @eqx.filter_jit  # as one program: outside of one every operation is compiled by itself
+    def harmonics(orbit):
+        losses = orbit.loads.loss_torque
+        bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
+        torques = jnp.stack([orbit.motor_torque - bearings, throw_torques(compressor, orbit)[0]])
+        instants_ = orbit.time, orbit.weight / orbit.state.speed
+        torque, frequency = time_harmonics(torques, *instants_, 6)
+        rise, _ = time_harmonics(orbit.state.acceleration, *instants_, 6)
+        return frequency, chain.response(torque, frequency), rise
+
+    frequency, angle, rise = map(np.asarray, harmonics(twin))
     # the springs give by 1e-7 of the motion; quadrature of the harmonics with panels at all kinks
     np.testing.assert_allclose(-(frequency**2) * angle[1], rise, atol=1e-6 * float(abs(rise[0])))
 
@@ -651,10 +666,10 @@ NAMED = {
 
 
 def test_layouts_by_name_have_the_sums_of_the_table():
+    orders = sums_of({name: Crankshaft(layout=name) for name in NAMED})
     for name, key in NAMED.items():
         wanted = ((0.5, 0.5), (0.5, 0.5)) if key == "single" else BALANCES[key][1:]
-        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
-            sums = Crankshaft(layout=name).order_sums(order)
+        for sums, (ahead, behind) in zip(orders[name], wanted, strict=True):
             got = abs(complex(sums.forward)), abs(complex(sums.backward))
             np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
     # (f+, f- of order 2), then couples of order 1 in pitches
@@ -668,9 +683,11 @@ def test_layouts_by_name_have_the_sums_of_the_table():
         "V90x2": ((2**0.5, 2**0.5), (1, 0)),
         "VV45 x2": ((2.613125929753, 1.082392200292), (2, 0)),
     }
+    orders = sums_of(
+        {name: Crankshaft(layout=name.replace(" ", ""), throw_pitch=1.0) for name in more}
+    )
     for name, (second, couple) in more.items():
-        made = Crankshaft(layout=name.replace(" ", ""), throw_pitch=1.0)
-        sums, first = made.order_sums(2), made.order_sums(1)
+        first, sums = orders[name]
         np.testing.assert_allclose(
             [abs(complex(x)) for x in (sums.forward, sums.backward)], second, atol=1e-12
         )
