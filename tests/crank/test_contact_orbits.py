@@ -22,6 +22,7 @@ ROUGH = AsperityContact(0.5e-6, 0.08, 60e9)
 BEARING = JournalBearing(0.04, 0.02, 30e-6, 1e-4, "short", contact=ROUGH)
 
 
+@jax.jit
 def pulsing(angle):
     """[N] A steady load with one pulse in a turn."""
     pulse = 2500 * jnp.exp(-4 * (1 - jnp.cos(angle - 2.0)))
@@ -144,6 +145,7 @@ def test_out_of_touch_the_orbit_is_that_of_smooth_surfaces():
 def test_contacts_that_carry_nearly_all_converge(viscosity, most):
     """By default: letting go within a degree takes panels there. Against four times as many panels."""
 
+    @jax.jit
     def pounding(angle):
         pulse = 8000 * jnp.exp(-(((jnp.mod(angle, 2 * np.pi) - 3.3) / 0.35) ** 2))
         return jnp.stack([3000 * jnp.cos(angle) + pulse, 800 * jnp.sin(angle)])

@@ -182,7 +182,7 @@ CASES = [
 ORDINARY = {("slider_crank", "mean_speed", 50)}
 
 
-# All of them take more than a minute.
+# In one piece these take more than a minute.
 HALVES = {("slider_link", "constant_torque", 500): {"first": slice(250), "second": slice(250, 500)}}
 
 

@@ -148,7 +148,7 @@ def test_a_stiff_motor_of_another_law_and_another_grid_agrees():
     # told the speed alone, the law takes the slip as a difference of speeds: 1.7e-10 seen
     efficiency = float(line.mechanical_efficiency)
     assert float(own.mechanical_efficiency) == pytest.approx(efficiency, abs=1e-9)
-    # what 5 nodes leave; the line is as steep as that motor but for a hundredth
+    # what 5 nodes leave; a hundredth of that motor's slope changes the efficiency by 3e-10
     efficiency = float(limit.mechanical_efficiency)
     assert float(coarse.mechanical_efficiency) == pytest.approx(efficiency, abs=1e-6)
 

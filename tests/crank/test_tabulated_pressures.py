@@ -65,7 +65,7 @@ def work_over_angle(table):
 
 
 def solver_of(made):
-    """The default without edges at load reversals, which the gas does not see: a third of a program."""
+    """The default without edges at load reversals, which the gas does not see: smaller programs."""
     return dataclasses.replace(default_collocation(made), reversals=0)
 
 
