@@ -20,7 +20,9 @@ SLIDE = MixedSlide(ROUGH, 0.04, 0.05, 5e-6, 30e-6, 5e-3)
 RING = MixedThrust(ROUGH, 0.011, 0.008, 3e-6, 50e-6, 4e-3)
 
 
-_pressure = jax.jit(ROUGH.pressure)
+@jax.jit
+def _pressure(gap):
+    return ROUGH.pressure(gap)
 
 
 @jax.jit
