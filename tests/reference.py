@@ -274,7 +274,7 @@ def orbit(machine: Machine, motor, mean_speed=None, guess=None, rtol=1e-11) -> T
     edges = machine.kinks()
     scale = mean_speed or guess
 
-    def integrate(first, level, edges, dense=False):
+    def integrate(first, level, edges, dense=False, rtol=rtol):
         y = np.array([first, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         pieces, changes = [], []
         for left, right in pairwise(edges):
@@ -309,30 +309,32 @@ def orbit(machine: Machine, motor, mean_speed=None, guess=None, rtol=1e-11) -> T
                 pieces.append((left, right, answer.sol))
         return y, pieces, changes
 
-    def close(edges, start):
+    def close(edges, start, rtol, xtol):
         def gaps(unknown):
             first = unknown[0] * scale
-            end, _, _ = integrate(first, unknown[1] if mean_speed else 1.0, edges)
+            end, _, _ = integrate(first, unknown[1] if mean_speed else 1.0, edges, rtol=rtol)
             gap = [(end[0] - first) / scale]
             return gap + ([end[1] * mean_speed / (2 * np.pi) - 1] if mean_speed else [])
 
         # The gaps carry the error of the integration: hybr stops where it no longer falls.
-        found = root(gaps, start, method="hybr", options={"xtol": 1e-12, "eps": 1e-6})
-        assert np.max(np.abs(found.fun)) < 1e-9, found
+        found = root(gaps, start, method="hybr", options={"xtol": xtol, "eps": 1e-6})
+        assert np.max(np.abs(found.fun)) < 1e3 * xtol, found
         return found.x
 
+    # The first time only to find where loads reverse: a millionth of the speed moves them by as little.
+    coarse = max(rtol, 1e-8)
     level = 1.0
     if mean_speed:  # a first level from constant speed
-        end, _, _ = integrate(scale, 1.0, edges[[0, -1]])
+        end, _, _ = integrate(scale, 1.0, edges[[0, -1]], rtol=coarse)
         level = 0.9 * (end[3] + end[4:].sum()) / (2 * np.pi) / motor(mean_speed, 1.0)
         level = max(level, 1.0)
-    unknown = close(edges, [1.0, level] if mean_speed else [1.0])
+    unknown = close(edges, [1.0, level] if mean_speed else [1.0], coarse, 1e-7)
     # once more with the load reversals as edges
     _, _, changes = integrate(
         unknown[0] * scale, unknown[1] if mean_speed else 1.0, edges, dense=True
     )
     edges = np.unique(np.concatenate([edges, changes]))
-    unknown = close(edges, unknown)
+    unknown = close(edges, unknown, rtol, 1e-12)
     level = unknown[1] if mean_speed else 1.0
     end, pieces, _ = integrate(unknown[0] * scale, level, edges, dense=True)
     lowest, highest = np.inf, -np.inf

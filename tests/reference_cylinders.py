@@ -41,6 +41,8 @@ class Cylinders:
     journal: float = 0.013 * 0.046
     points: int = 40000
     losses: dict = field(default_factory=dict)
+    # [N] on the pistons, of the evaluation before: the next one starts from them
+    side: np.ndarray | float = 0.0
 
     def gas(self, position, rate):
         """Force on the pistons towards the crank, by the two polytropic curves and the two lines."""
@@ -74,7 +76,7 @@ class Cylinders:
         centre_y = r * c * rise - r * s * speed**2 - b * (cos_tilt * tilt_rise - sin_tilt * tilt**2)
         force, slides = self.gas(position, rate), np.sign(rate)
         swings, turns = np.sign(tilt), np.sign(speed + tilt)
-        side = np.zeros_like(psi)
+        side = np.broadcast_to(self.side, psi.shape)
         for _ in range(60):
             rub = -self.wall * np.abs(side) * slides
             top = np.stack([-force + rub - self.piston_mass * push, side])  # on the rod
@@ -91,6 +93,7 @@ class Cylinders:
             side = side - step
             if np.max(np.abs(step)) < 1e-11 * np.max(np.abs(force)):
                 break
+        self.side = side
         on_crank = -pin
         moment = r * (c * on_crank[1] - s * on_crank[0]) - at_crank
         turned = (

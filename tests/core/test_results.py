@@ -5,6 +5,7 @@ import json
 import os
 import tracemalloc
 import zipfile
+from functools import cache
 
 import equinox as eqx
 import jax
@@ -100,7 +101,7 @@ def tolerances():
 
 @pytest.fixture(scope="module")
 def orbit():
-    return solve_orbit(machine())
+    return solve_orbit(machine_of_tsuji().as_compressor())
 
 
 def front():
@@ -121,6 +122,7 @@ def cycle():
     return solve_cycle(golden("A"), mechanism(), 300.0, options, throw=False)
 
 
+@cache
 def transient():
     return simulate(machine(motor=Kloss(250.0, 0.3, 105.0)), 0.02)
 
@@ -143,7 +145,8 @@ def journal():
     def load(angle):
         return jnp.stack([2000 + 500 * jnp.cos(angle), 300 * jnp.sin(angle)])
 
-    return journal_orbit(bearing(), load, 300.0)
+    # as one program: outside of one every operation of the preparation is compiled by itself
+    return jax.jit(lambda: journal_orbit(bearing(), load, 300.0))()
 
 
 def comparison():
@@ -356,7 +359,7 @@ def test_pictures_of_a_result_are_found_by_name(orbit):
     assert {"pv_diagram", "joint_forces", "loss_shares"} <= set(dir(orbit.plot))
     assert "by_number_of_cylinders" not in dir(orbit.plot)  # of several orbits
     assert orbit.plot.loss_shares().axes
-    assert orbit.plot.pv_diagram(machine()).axes
+    assert orbit.plot.pv_diagram(machine_of_tsuji().as_compressor()).axes
     assert balance().plot.balance_bars().axes
     with pytest.raises(AttributeError, match=r"did you mean \"pv_diagram\""):
         orbit.plot.pv_digram  # noqa: B018

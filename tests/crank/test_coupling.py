@@ -67,16 +67,21 @@ def test_motions_on_different_panels_are_combined_on_the_newest(cylinders):
     first, second = np.linspace(0, 2 * np.pi, 5), np.array([0, 1, 2.5, 6, 2 * np.pi])
     paces = [pace_of_cubic(first, 1.0), pace_of_cubic(second, 3.0)]
     if cylinders:
-        paces = [jax.tree.map(lambda leaf: jnp.stack([leaf] * cylinders), pace) for pace in paces]
+        paces = [jax.tree.map(lambda leaf: np.stack([leaf] * cylinders), pace) for pace in paces]
     motions = [
         Motion(jnp.asarray(float(k)), pace, jnp.asarray(k + 0.5)) for k, pace in enumerate(paces)
     ]
-    outputs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *motions)
-    mixed = _combined(jnp.array([-0.25, 1.25]), outputs, motions[0])
+    angle = jnp.linspace(0.1, 6.0, 17)
+
+    @jax.jit  # as one program: outside of one every operation is compiled by itself
+    def combined(motions):
+        outputs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *motions)
+        mixed = _combined(jnp.array([-0.25, 1.25]), outputs, motions[0])
+        return mixed, _excess_at(mixed.pace, angle)
+
+    mixed, found = combined(motions)
     np.testing.assert_allclose(mixed.level, 1.25)
     np.testing.assert_allclose(mixed.rise, 1.75)
-    angle = jnp.linspace(0.1, 6.0, 17)
     assert mixed.pace.edges.shape == paces[0].edges.shape
-    wanted = (-0.25 + 3.75) * (angle - 2) ** 3
-    found = _excess_at(mixed.pace, angle)
-    np.testing.assert_allclose(found, jnp.broadcast_to(wanted, found.shape), rtol=1e-12, atol=1e-12)
+    wanted = (-0.25 + 3.75) * (np.asarray(angle) - 2) ** 3
+    np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), rtol=1e-12, atol=1e-12)

@@ -23,6 +23,7 @@ from helpers import (
     solve_many,
     status_of,
 )
+from scipy.optimize import brentq
 
 from jaxcomp import Collocation, Shooting, solve_orbit
 from jaxcomp.motor import ConstantTorque, Kloss, MeanSpeed, SlipLine
@@ -195,13 +196,10 @@ def test_a_synchronous_motor_leaves_the_losses_of_constant_speed(on_slip_lines):
 
 
 def _losses_at_constant_speed(twin, angle, speed):
-    """[N m] by the torque that holds the speed, found by two linear trials."""
+    """[N m] by the torque that holds the speed; the acceleration is linear in it but for its kinks."""
     at = lambda torque: twin.solve(angle, speed, torque)  # noqa: E731
-    low, high = -2e3, 2e3
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if at(middle)[0][0] < 0 else (low, middle)
-    return sum(at(0.5 * (low + high))[1].values())
+    torque = brentq(lambda torque: at(torque)[0][0], -2e3, 2e3, xtol=1e-10)
+    return sum(at(torque)[1].values())
 
 
 # ---------------------------------------------------------------- the default solver, and SciPy

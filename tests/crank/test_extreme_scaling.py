@@ -110,18 +110,23 @@ def test_slider_link_with_films_of_any_size_is_the_same_machine():
         check(orbit, first, size)
 
 
+# One program for every size: outside of one every operation is compiled by itself.
+@jax.jit
+def film_numbers(bearing, load, speed):
+    """Moment, stiffness and damping of a film under a load at a speed."""
+    still = 1e-9  # [rad/s] the speed at which a film rests has no size; it must not matter
+    moment = friction_moment(bearing, load, speed, rest_speed=still)
+    along = load * jnp.array([0.6, -0.8])
+    return moment, *stiffness_damping(bearing, along, speed, rest_speed=still)
+
+
 @pytest.mark.parametrize("size", list(SIZES))
 def test_film_bearing_of_any_size_is_the_same_bearing(size):
     base, load, speed = JournalBearing(0.04, 0.02, 2e-5, 0.01), 500.0, 300.0
     units = SIZES[size]
     other = rescaled(base, units)
     args = load * factor("N", units), speed * factor("1/s", units)
-    still = 1e-9  # [rad/s] the speed at which a film rests has no size; it must not matter
-    program = lambda b, w, n: (  # noqa: E731
-        friction_moment(b, w, n, rest_speed=still),
-        *stiffness_damping(b, w * jnp.array([0.6, -0.8]), n, rest_speed=still),
-    )
-    found, expected = program(other, *args), program(base, load, speed)
+    found, expected = film_numbers(other, *args), film_numbers(base, load, speed)
     for a, b, unit in zip(found, expected, ("N m", "N/m", "N s/m"), strict=True):
         np.testing.assert_allclose(a, factor(unit, units) * b, rtol=1e-9)
 

@@ -5,7 +5,7 @@ import dataclasses
 import equinox as eqx
 import numpy as np
 import pytest
-from crank.test_warming import SOLVER, warmed
+from crank.test_warming import SOLVER, heats, rise_of, warmed
 from cylinder import test_double_acting, test_load_steps, test_piped_cycles
 from cylinder.test_cylinders_with_valves import TWIN
 from cylinder.test_shared_plenums import SOLVER as SHARED
@@ -66,9 +66,23 @@ def test_power_becomes_heat_with_a_constant_rise_leakage_and_a_warm_wall():
     assert 1.5 < float(heat_brought_back(orbit)) < 2.5
 
 
-def test_power_becomes_heat_with_a_law_of_warming_and_leakage():
+@pytest.fixture(scope="module")
+def leaking():
+    """A machine that leaks and whose suction gas is warmed, with its orbit and its performance."""
     machine = warmed(leakage=LaminarGap(1.5e-5, 12e-3, 1.9e-5))
-    orbit, answer = balance_of(machine, SOLVER)
+    return machine, *balance_of(machine, SOLVER)
+
+
+def test_the_shell_loses_no_energy(leaking):
+    machine, orbit, _ = leaking
+    gained, said = heats(machine, orbit)
+    assert 5 < rise_of(orbit) < 60
+    # the iteration stops at 1e-10 of 100 K
+    assert float(gained) == pytest.approx(float(said), rel=1e-8)
+
+
+def test_power_becomes_heat_with_a_law_of_warming_and_leakage(leaking):
+    machine, orbit, answer = leaking
     assert float(answer.heat_closure) == pytest.approx(work_left(orbit, answer), abs=CLOSED)
     law, loss = machine.gas.suction.warming, answer.electric_power - orbit.gas_power
     # what gas brings back warms the gas that is drawn, and the shell has what is left of the losses

@@ -31,6 +31,8 @@ OLDER = {"mechanism.conrod_inertia": "0.005380 kg m^2", "crankshaft.inertia": "0
          "crankshaft.unbalance": "-0.336325 kg m", "gas.clearance_ratio": "0.76 %"}  # fmt: skip
 # Where the load comes close to zero there, and its kinks: panels are graded towards these.
 NEAR_ZERO = np.radians([11.268, 80.316, 284.328])
+# Of them and of the kinks of that load, at quarters of a revolution and where gas begins to flow.
+KINKS = 9
 
 
 @pytest.fixture(scope="module")
@@ -44,17 +46,18 @@ def frictionless():
 def pin_load(compressor):
     """[N] Load on the crank pin, and the rate of the rod over the crank's, over the crank angle."""
 
+    @jax.jit
     def at(angle):
         now = instants(compressor, angle)
         state = CrankState(angle, jnp.full_like(angle, SPEED), jnp.zeros_like(angle))
         loop = loop_of(compressor, state, now.gas_force, now.kinematics)
         return -loop.loads(loop.loops.start(), False).forces["crank_pin"]
 
-    return at, lambda angle: -rod_motion(compressor.mechanism, angle).tilt_1
+    return at, jax.jit(lambda angle: -rod_motion(compressor.mechanism, angle).tilt_1)
 
 
 def fine_edges(compressor, widest=0.15):
-    edges = np.append(np.asarray(kink_angles(compressor)), 0.0)
+    edges = np.append(np.asarray(jax.jit(kink_angles)(compressor)), 0.0)
     edges[-1] = edges[0] + 2 * np.pi
     graded = [p + s * 0.1 * 0.15**k for p in NEAR_ZERO for k in range(5) for s in (-1, 1)]
     edges = np.sort(np.concatenate([edges, NEAR_ZERO, graded]))
@@ -97,6 +100,9 @@ def test_the_golden_orbit_of_the_short_film(frictionless):
 def test_the_finite_film_gives_the_load_back_and_differs_from_the_short_one(frictionless):
     bearing, orbit = golden_orbit(frictionless, "reynolds")
     film = orbit.film
+    # the bound of a bearing that has none of its own
+    assert bearing.thin_film is None
+    assert float(film.thin_share) == float(film.share_below(5e-6))
     # 4 digits from another table of the same film
     assert float(film.minimum_film) == pytest.approx(11.213e-6, rel=3e-4)
     assert float(film.mean_shear_loss + film.mean_squeeze_loss) == pytest.approx(87.73, rel=1e-4)
@@ -154,7 +160,8 @@ def rotating(size, share):
     return lambda a: size * jnp.stack([jnp.cos(share * a), jnp.sin(share * a)])
 
 
-BEARING = JournalBearing(0.04, 0.02, 30e-6, 0.02)
+# With a bound for what counts as thin, so that one program serves any bound.
+BEARING = JournalBearing(0.04, 0.02, 30e-6, 0.02, thin_film=5e-6)
 
 
 @pytest.mark.slow
@@ -198,6 +205,7 @@ def test_two_lands_carry_half_the_load_each():
     assert float(two.steady_loss) == pytest.approx(2 * float(one.steady_loss), rel=1e-12)
 
 
+@jax.jit
 def pulsing(a):
     return jnp.stack([1500.0 + 1000 * jnp.cos(a), 800 * jnp.sin(2 * a)])
 
@@ -211,11 +219,8 @@ def test_the_share_of_the_time_below_a_film():
         bound = np.quantile(fine, share)
         # straight lines between 8 nodes a panel
         assert float(film.share_below(bound)) == pytest.approx(share, abs=2e-3)
-    # the default bound of a bearing, and one of its own
-    assert float(film.thin_share) == float(film.share_below(5e-6))
-    own = eqx.tree_at(
-        lambda b: b.thin_film, BEARING, jnp.asarray(bound), is_leaf=lambda x: x is None
-    )
+    # the bound of a bearing; the default one stands with the golden orbit
+    own = eqx.tree_at(lambda b: b.thin_film, BEARING, jnp.asarray(bound, float))
     assert float(journal_orbit(own, pulsing, 300.0, bush=0.3).film.thin_share) == pytest.approx(
         float(film.share_below(bound)), rel=1e-12
     )
@@ -234,7 +239,7 @@ def test_mirror_scaling_and_the_power_of_the_moments():
         mirror.position, film.position * np.array([[1.0], [-1.0]]), atol=1e-10
     )
     # load, viscosity and speed enter as F psi^2/(eta w L D) only
-    scaled = JournalBearing(0.08, 0.04, 30e-6, 0.01)
+    scaled = JournalBearing(0.08, 0.04, 30e-6, 0.01, thin_film=5e-6)
     alike = journal_orbit(scaled, lambda a: 16 * pulsing(a), 600.0 / 1.0, bush=0.3).film
     ratio = 16 * (0.5**2) / (0.5 * 2 * 4)
     other = journal_orbit(BEARING, lambda a: ratio * pulsing(a), 300.0, bush=0.3).film
@@ -263,6 +268,7 @@ def test_extreme_bearings_are_converged_or_flagged(case):
         "length": 0.02,
         "radial_clearance": 30e-6,
         "dynamic_viscosity": 0.02,
+        "thin_film": 5e-6,
     }
     bearing = JournalBearing(**numbers | changes)
     size = {"no load": 0.0, "heavy": 1e5}.get(case, 1.0)
@@ -283,21 +289,23 @@ def test_derivatives_of_the_orbit_are_those_of_differences():
         return jnp.stack([film.minimum_film * 1e6, film.mean_shear_loss + film.mean_squeeze_loss,
                           film.largest_pressure / 1e6])  # fmt: skip
 
-    numbers = (0.04, 0.02, 30e-6, 0.02)
+    # Way and weights have every number and result in them, each by about its own size.
+    numbers = np.array([0.04, 0.02, 30e-6, 0.02])
+    way = numbers * np.array([0.7, -0.4, 0.5, 1.1])
+    weights = np.array([0.5, -1.2, 0.8])
 
-    @jax.jit  # values and slopes of one program, row by row of the numbers
-    def both(numbers):
-        along = lambda way: jax.jvp(read, (numbers,), (tuple(way),))  # noqa: E731
-        return jax.vmap(along)(jnp.eye(4))
+    @jax.jit  # values and both modes in one program, which solves once
+    def along(share):
+        value, push = jax.linearize(read, jnp.asarray(numbers) + share * way)
+        (reverse,) = jax.linear_transpose(push, jnp.asarray(numbers))(jnp.asarray(weights))
+        return value, push(jnp.asarray(way)), reverse
 
-    forward = both(numbers)[1]
-    reverse = jax.jit(jax.jacrev(read))(numbers)
-    for i, x in enumerate(numbers):
-        ends = [both(tuple(v * (1 + s) if j == i else v for j, v in enumerate(numbers)))[0][0]
-                for s in (-1e-5, 1e-5)]  # fmt: skip
-        difference = (ends[1] - ends[0]) / (2e-5 * x)
-        np.testing.assert_allclose(forward[i], difference, rtol=1e-6)
-        np.testing.assert_allclose(reverse[i], forward[i], rtol=1e-8)
+    step = 1e-5
+    (fall, *_), (_, forward, reverse), (rise, *_) = (along(s) for s in (-step, 0.0, step))
+    np.testing.assert_allclose(forward, (rise - fall) / (2 * step), rtol=1e-6)
+    assert reverse @ way == pytest.approx(float(weights @ forward), rel=1e-8)
+    # no number is without its share of it
+    assert np.all(np.abs(reverse * way) > 1e-2 * np.abs(weights @ forward))
 
 
 @pytest.fixture(scope="module")
@@ -468,11 +476,15 @@ def test_the_three_journals_of_a_slider_link_machine_move():
 
 
 # ---------------------------------------------------------------- thin films
+# [rad] As many edges without kinks, where panels end anyway: one program serves with and without.
+EVEN = np.asarray(jnp.linspace(0, 2 * np.pi, 49))[:KINKS]
+
+
 @pytest.mark.parametrize("viscosity", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_thin_films_are_those_of_a_march_by_scipy(viscosity):
     """Least films of 1 and of 0.1 µm; Radau from the place that the orbit has at its first node."""
     bearing = JournalBearing(0.04, 0.02, 30e-6, viscosity, "short")
-    orbit = journal_orbit(bearing, pulsing, 300.0, bush=0.3)
+    orbit = journal_orbit(bearing, pulsing, 300.0, bush=0.3, edges=EVEN)
     assert orbit.status == Status.converged
     film, unit = squeeze_of(bearing), float(film_unit(bearing)) * 300.0
 
@@ -519,9 +531,11 @@ def test_the_crank_resolves_thin_films_by_default(coupled):
 def test_a_coarse_orbit_is_no_collapse(frictionless):
     """A film of 0.02 µm needs panels that end at the kinks of its load; one without oil has none."""
     force, bush = pin_load(frictionless)
-    kinks = jnp.sort(jnp.concatenate([kink_angles(frictionless), jnp.asarray(NEAR_ZERO)]))
+    kinks = np.sort(np.append(np.asarray(jax.jit(kink_angles)(frictionless)), NEAR_ZERO))
 
-    def status(viscosity, edges=None):
+    assert kinks.size == KINKS
+
+    def status(viscosity, edges=EVEN):
         bearing = JournalBearing(0.09, 0.045, 45e-6, viscosity, "short")
         orbit = journal_orbit(bearing, force, SPEED, bush=bush, edges=edges)
         assert float(orbit.film.minimum_film) >= 0

@@ -56,7 +56,7 @@ def test_designs_whose_load_reverses_beside_a_kink_converge_as_all_others_do():
     step = np.where(np.array([*RANGES]) == "motor.mean_speed", 1e-3, 0.0)
     rows = np.concatenate([beside, beside * (1 - step), beside * (1 + step), drawn])
     asked = problem(load("mayekawa-wbhe"), [*RANGES], ["mechanical_efficiency"])
-    answers = jax.jit(lambda rows: jax.lax.map(asked, rows, batch_size=32))(jnp.asarray(rows))
+    answers = jax.jit(lambda rows: jax.lax.map(asked, rows, batch_size=70))(jnp.asarray(rows))
     ended = names_of_codes(np.asarray(answers.status))
     assert [*ended[: 3 * len(beside)]] == ["converged"] * (3 * len(beside))
     assert {*ended} == {"converged"}

@@ -25,17 +25,22 @@ EFFICIENCY, EFFICIENCY_WITHIN = [0.921, 0.911, 0.903], 0.003
 FLUCTUATION, FLUCTUATION_WITHIN = [0.104, 0.082], 0.001
 
 
-def _table(compressor):
-    def one(speed, bore):
+@jax.jit
+def _grid(compressor, speeds, bores):
+    """Results over speeds and bores, by one program for all these machines."""
+
+    def at(speed, bore):
         design = eqx.tree_at(lambda c: c.motor.mean_speed, with_bore(compressor, bore), speed)
         orbit = solve_orbit(design, Collocation(nodes=12, reversals=0, tolerance=1e-10))
         losses = {name: work / orbit.period for name, work in orbit.energy.losses.items()}
         return orbit.mechanical_efficiency, orbit.speed_fluctuation, losses, orbit.converged
 
-    grid = jax.vmap(jax.vmap(one, (None, 0)), (0, None))
-    efficiency, fluctuation, losses, converged = jax.jit(grid)(
-        jnp.asarray(SPEEDS), jnp.asarray(BORES)
-    )
+    return jax.vmap(jax.vmap(at, (None, 0)), (0, None))(speeds, bores)
+
+
+def _table(compressor):
+    results = _grid(compressor, jnp.asarray(SPEEDS), jnp.asarray(BORES))
+    efficiency, fluctuation, losses, converged = results
     assert bool(converged.all())
     at_1000 = {name: np.asarray(loss)[1] for name, loss in losses.items()}
     return np.asarray(efficiency), np.asarray(fluctuation), at_1000

@@ -104,10 +104,15 @@ CURVES = {
 }
 
 
+@pytest.fixture(scope="module")
+def on_curves():
+    return dict(zip(CURVES, solve_many([m for m, _ in CURVES.values()], QUICK), strict=True))
+
+
 @pytest.mark.parametrize("case", list(CURVES))
-def test_a_motor_that_cannot_run_the_machine_is_reported(case):
+def test_a_motor_that_cannot_run_the_machine_is_reported(on_curves, case):
     _, expected = CURVES[case]
-    orbit = solve_many([m for m, _ in CURVES.values()], QUICK)[list(CURVES).index(case)]
+    orbit = on_curves[case]
     assert status_of(orbit) in expected
     not_finite = [k for k, v in named_leaves(orbit).items() if not every_leaf_finite(v)]
     assert not_finite == []

@@ -198,12 +198,14 @@ def test_shaking_forces_and_couples_of_the_twin_by_order(twin):
 
 def test_torque_fluctuation_is_that_of_the_torques_at_the_nodes(twin):
     """The highest torque stands where a valve opens: at an edge, 1.3 % above the node beside it."""
-    load = twin.loads.total_loss_torque - twin.gas_torque
-    nodes = (load.max() - load.min()) / (jnp.sum(twin.weight * load) / (2 * jnp.pi))
-    assert nodes <= twin.torque_fluctuation < 1.02 * nodes
+    load = np.asarray(twin.loads.total_loss_torque - twin.gas_torque)
+    weight = np.asarray(twin.weight)
+    nodes = (load.max() - load.min()) / (np.sum(weight * load) / (2 * np.pi))
+    fluctuation = eqx.filter_jit(lambda orbit: orbit.torque_fluctuation)(twin)
+    assert nodes <= fluctuation < 1.02 * nodes
     # at constant mean speed the mean load is the motor's torque
-    mean = jnp.sum(twin.weight * twin.motor_torque)
-    np.testing.assert_allclose(jnp.sum(twin.weight * load), mean, rtol=1e-12)
+    mean = np.sum(weight * np.asarray(twin.motor_torque))
+    np.testing.assert_allclose(np.sum(weight * load), mean, rtol=1e-12)
 
 
 @pytest.mark.slow  # half a minute of compiling each
@@ -243,15 +245,17 @@ def over_bank():
         orbit = solve_orbit(moved, throw=False)
         return jnp.stack([orbit.mechanical_efficiency, orbit.torque_fluctuation])
 
-    return jax.jit(lambda shift: jax.jvp(results, (shift,), (jnp.ones(()),)))
+    program = jax.jit(lambda shift: jax.jvp(results, (shift,), (jnp.ones(()),)))
+    # `float` as the type, or numbers of Python would have a program of their own
+    return lambda shift: program(jnp.asarray(shift, float))
 
 
 def test_default_is_continuous_through_a_symmetric_layout(over_bank):
     """Kinks of both cylinders coincide at 90 degrees between the banks; beside it they are two edges."""
-    (here, _), slope = over_bank(jnp.zeros(()))
+    (here, _), slope = over_bank(0.0)
     for shift in (1e-7, 1e-5, 1e-3):  # the last 0.06 degrees
-        (ahead, _), _ = over_bank(jnp.asarray(shift))
-        (behind, _), _ = over_bank(jnp.asarray(-shift))
+        (ahead, _), _ = over_bank(shift)
+        (behind, _), _ = over_bank(-shift)
         # a slope that takes neither side of coinciding kinks is off by 1e-8 at the last shift
         assert abs(ahead - behind - 2 * shift * slope[0]) < 1e-9, shift
         # the efficiency bends by 5e-3 over the square of the angle
@@ -261,8 +265,8 @@ def test_default_is_continuous_through_a_symmetric_layout(over_bank):
 def test_slopes_of_the_default_are_those_of_its_values(over_bank):
     """Without edges at the load reversals that of the efficiency errs by 4 % of itself."""
     step = 2e-3
-    (ahead, _), (behind, _) = (over_bank(jnp.asarray(0.02 + side * step)) for side in (1, -1))
-    _, slope = over_bank(jnp.asarray(0.02))
+    (ahead, _), (behind, _) = (over_bank(0.02 + side * step) for side in (1, -1))
+    _, slope = over_bank(0.02)
     difference = (ahead - behind) / (2 * step)
     np.testing.assert_allclose(slope, difference, rtol=1e-4)
 
@@ -312,13 +316,17 @@ def test_turning_the_machine_turns_nothing_but_the_frame():
 def test_forces_on_the_frame_are_the_shaking_force(twin):
     """Walls, heads and bearings together are what the inertia of all moving parts says."""
     compressor = several(LAYOUTS[2])
-    wrench = shaking_wrench(compressor, twin.state)
-    gas = instants(compressor, twin.state.angle).gas_force
-    forces = twin.loads.forces
-    wall = [forces[f"wall_{k}"] for k in (1, 2)]
-    own = Vector(*(jnp.stack([-f[i] for f in wall]) for i in (0, 1)))
-    own = Vector(own.x + gas, own.y)
-    total = compressor.crankshaft.turned(own).stacked()
+
+    @eqx.filter_jit  # as one program: outside of one every operation is compiled by itself
+    def forces_of_cylinders(orbit):
+        wall = jnp.stack([orbit.loads.forces[f"wall_{k}"] for k in (1, 2)], axis=1)
+        gas = instants(compressor, orbit.state.angle).gas_force
+        own = Vector(gas - wall[0], -wall[1])
+        return shaking_wrench(compressor, orbit.state), compressor.crankshaft.turned(own).stacked()
+
+    wrench, total = forces_of_cylinders(twin)
+    total = np.asarray(total)
+    forces = {name: np.asarray(force) for name, force in twin.loads.forces.items()}
     frame = total.sum(axis=1) - forces["main_1"] - forces["main_2"]
     np.testing.assert_allclose(frame, wrench.force[:2], atol=1e-8)  # [N] of forces of 10 kN
     z = np.array([-0.02, 0.02])[:, None]
@@ -363,10 +371,16 @@ def test_orders_of_the_shaking_force_at_constant_speed(name):
         np.testing.assert_allclose(got, (amplitude * ahead, amplitude * behind), atol=1e-9)
 
 
+@eqx.filter_jit
+def sums_of(shafts):
+    """Sums of the first and second order of several crankshafts, by one program."""
+    return {name: (shaft.order_sums(1), shaft.order_sums(2)) for name, shaft in shafts.items()}
+
+
 def test_sums_of_orders_are_those_of_the_closed_forms():
-    for name, (throws, *wanted) in BALANCES.items():
-        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
-            sums = layout(throws).order_sums(order)
+    orders = sums_of({name: layout(throws) for name, (throws, *_) in BALANCES.items()})
+    for name, (_, *wanted) in BALANCES.items():
+        for sums, (ahead, behind) in zip(orders[name], wanted, strict=True):
             got = abs(complex(sums.forward)), abs(complex(sums.backward))
             np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
     # V90 on two throws, the rods of each at one place: couples of order 1 turn forward only
@@ -374,7 +388,7 @@ def test_sums_of_orders_are_those_of_the_closed_forms():
     together = dataclasses.replace(
         two, throws=tuple(dataclasses.replace(t, rod_pitch=0.0) for t in two.throws)
     )
-    sums = together.order_sums(1)
+    sums, _ = sums_of({"together": together})["together"]
     couple = abs(complex(sums.forward_couple)), abs(complex(sums.backward_couple))
     np.testing.assert_allclose(couple, (1.0, 0.0), atol=1e-12)
     np.testing.assert_allclose(np.rad2deg(two.firing_intervals), 90.0, atol=1e-9)
@@ -415,13 +429,18 @@ def test_a_stiff_crank_train_moves_as_the_rigid_crank(twin):
     chain = TorsionalChain(
         [0.6 * inertia, 0.4 * inertia + float(throw_inertias(compressor)[0])], [1e12]
     )
-    losses = twin.loads.loss_torque
-    bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
-    torques = jnp.stack([twin.motor_torque - bearings, throw_torques(compressor, twin)[0]])
-    instants_ = twin.time, twin.weight / twin.state.speed
-    torque, frequency = time_harmonics(torques, *instants_, 6)
-    angle = chain.response(torque, frequency)
-    rise, _ = time_harmonics(twin.state.acceleration, *instants_, 6)
+
+    @eqx.filter_jit  # as one program: outside of one every operation is compiled by itself
+    def harmonics(orbit):
+        losses = orbit.loads.loss_torque
+        bearings = sum(loss for name, loss in losses.items() if name.startswith("main"))
+        torques = jnp.stack([orbit.motor_torque - bearings, throw_torques(compressor, orbit)[0]])
+        instants_ = orbit.time, orbit.weight / orbit.state.speed
+        torque, frequency = time_harmonics(torques, *instants_, 6)
+        rise, _ = time_harmonics(orbit.state.acceleration, *instants_, 6)
+        return frequency, chain.response(torque, frequency), rise
+
+    frequency, angle, rise = map(np.asarray, harmonics(twin))
     # the springs give by 1e-7 of the motion; quadrature of the harmonics with panels at all kinks
     np.testing.assert_allclose(-(frequency**2) * angle[1], rise, atol=1e-6 * float(abs(rise[0])))
 
@@ -431,20 +450,16 @@ def test_derivatives_to_bank_and_throw_angle():
     uneven = [(0.0, -0.1, [-45.0, 43.0], -0.5), (170.0, 0.1, [-40.0, 48.0], -0.5)]
     base = several(uneven, motor=MeanSpeed(100.0))
     place = lambda c: (c.crankshaft.throws[0].banks, c.crankshaft.throws[1].angle)  # noqa: E731
-
-    @jax.jit
-    def efficiency(banks, angle):
-        made = eqx.tree_at(place, base, (banks, angle))
-        return solve_orbit(made, COARSE).mechanical_efficiency
-
-    at = place(base)
     ways = jnp.array([0.3, -1.0]), jnp.array(0.7)
-    slope = jax.jvp(efficiency, at, ways)[1]
+
+    def efficiency(step):
+        moved = tuple(x + step * way for x, way in zip(place(base), ways, strict=True))
+        return solve_orbit(eqx.tree_at(place, base, moved), COARSE).mechanical_efficiency
+
+    # value and slope of one program
+    along = jax.jit(lambda step: jax.jvp(efficiency, (step,), (jnp.ones(()),)))
     step = 3e-5
-    ahead, back = (
-        efficiency(*(x + sign * step * way for x, way in zip(at, ways, strict=True)))
-        for sign in (1, -1)
-    )
+    (ahead, _), (_, slope), (back, _) = (along(sign * jnp.array(step)) for sign in (1, 0, -1))
     # of central differences: their truncation; 5.5e-8 seen, 4e-7 at three times the step
     assert float(slope) == pytest.approx(float(ahead - back) / (2 * step), rel=1e-6)
 
@@ -522,7 +537,7 @@ def test_forces_of_every_cylinder_on_a_rotor_add_up_to_the_inertia_of_all():
     np.testing.assert_allclose(compressor.crankshaft.position, (0.0, 0.010), atol=1e-12)
     orbit = solve_orbit(compressor, COARSE)
     orders = tuple(range(7))
-    found = crank_forces(compressor, orbit, scene.parts["loads"].crank, orders)
+    found = eqx.filter_jit(crank_forces)(compressor, orbit, scene.parts["loads"].crank, orders)
     assert len(found.forces) == 7
     alone = dataclasses.replace(
         compressor,
@@ -530,13 +545,13 @@ def test_forces_of_every_cylinder_on_a_rotor_add_up_to_the_inertia_of_all():
             compressor.crankshaft, inertia=1e-9, shaft_unbalance=None, shaft_couple=None
         ),
     )
-    wrench = shaking_wrench(alone, orbit.state)
+    wrench = eqx.filter_jit(shaking_wrench)(alone, orbit.state)
     share = orbit.weight / orbit.state.speed
     phase = orbit.mean_speed * orbit.time - compressor.crankshaft.phase[0]
     waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
     waves = waves * np.asarray(share / share.sum())
     each = [np.asarray(f.cosine - 1j * f.sine) for f in found.forces[:6]]
-    size = float(jnp.abs(wrench.force).max())
+    size = float(np.abs(wrench.force).max())
     # linear in the forces at every node of the orbit: rounding only
     np.testing.assert_allclose(
         sum(each)[:, :2], waves @ np.asarray(wrench.force[:2]).T, atol=1e-11 * size
@@ -594,11 +609,17 @@ def test_equal_lists_are_the_single_numbers():
     )
 
 
+def unequal_twin(discharge_pressure=(980e3, 980e3), wall=(0.083, 0.083)):
+    """The twin with a pressure and a coefficient of each cylinder: one program, whatever they are."""
+    made = several(LAYOUTS[2])
+    gas = dataclasses.replace(made.gas, discharge_pressure=list(discharge_pressure))
+    friction = dataclasses.replace(made.friction, wall=CoulombSlide(list(wall)))
+    return dataclasses.replace(made, gas=gas, friction=friction)
+
+
 def test_a_cylinder_that_is_shut_off_does_no_work():
     """Suction valves held open: the gas work is that of the other cylinder alone."""
-    made = several(LAYOUTS[2])
-    idle = dataclasses.replace(made.gas, discharge_pressure=[980e3, 98.0001e3])
-    orbit = solve_orbit(dataclasses.replace(made, gas=idle), COARSE)
+    orbit = solve_orbit(unequal_twin(discharge_pressure=[980e3, 98.0001e3]), COARSE)
     # quadrature with 6 nodes on a panel, as of all cylinders above
     assert float(orbit.energy.gas_work) == pytest.approx(297.326137139, rel=1e-4)
     assert abs(orbit.energy.residual) < 1e-12
@@ -606,9 +627,8 @@ def test_a_cylinder_that_is_shut_off_does_no_work():
 
 def test_a_bad_cylinder_is_named():
     made = several(LAYOUTS[2])
-    rough = dataclasses.replace(made.friction, wall=CoulombSlide([0.083, 8.0]))
     with pytest.raises(SolveFailed, match=r"locks.*in cylinder 2"):
-        solve_orbit(dataclasses.replace(made, friction=rough), COARSE)
+        solve_orbit(unequal_twin(wall=[0.083, 8.0]), COARSE)
     with pytest.raises(BadInput, match=r"bore.*> 0 and <= 10 m in cylinder 2, but is -0.1"):
         dataclasses.replace(made.mechanism, bore=[0.1, -0.1])
     with pytest.raises(BadInput, match=r"conrod_length in cylinder 2"):
@@ -646,10 +666,10 @@ NAMED = {
 
 
 def test_layouts_by_name_have_the_sums_of_the_table():
+    orders = sums_of({name: Crankshaft(layout=name) for name in NAMED})
     for name, key in NAMED.items():
         wanted = ((0.5, 0.5), (0.5, 0.5)) if key == "single" else BALANCES[key][1:]
-        for order, (ahead, behind) in zip((1, 2), wanted, strict=True):
-            sums = Crankshaft(layout=name).order_sums(order)
+        for sums, (ahead, behind) in zip(orders[name], wanted, strict=True):
             got = abs(complex(sums.forward)), abs(complex(sums.backward))
             np.testing.assert_allclose(got, (ahead, behind), atol=1e-12, err_msg=name)
     # (f+, f- of order 2), then couples of order 1 in pitches
@@ -663,9 +683,11 @@ def test_layouts_by_name_have_the_sums_of_the_table():
         "V90x2": ((2**0.5, 2**0.5), (1, 0)),
         "VV45 x2": ((2.613125929753, 1.082392200292), (2, 0)),
     }
+    orders = sums_of(
+        {name: Crankshaft(layout=name.replace(" ", ""), throw_pitch=1.0) for name in more}
+    )
     for name, (second, couple) in more.items():
-        made = Crankshaft(layout=name.replace(" ", ""), throw_pitch=1.0)
-        sums, first = made.order_sums(2), made.order_sums(1)
+        first, sums = orders[name]
         np.testing.assert_allclose(
             [abs(complex(x)) for x in (sums.forward, sums.backward)], second, atol=1e-12
         )
@@ -795,8 +817,9 @@ def test_panels_of_a_fixed_number():
     orbit = solve_orbit(made, fast)
     assert orbit.weight.size == 70
     kinks = np.array([0.0, 0.0, 1.0, 1.0 + 1e-9, 2.0, 5.0])
+    edges_of = jax.jit(_of_count, static_argnums=1)
     for count in (4, 9, 14):
-        edges = np.asarray(_of_count(jnp.asarray(kinks), count))
+        edges = np.asarray(edges_of(jnp.asarray(kinks), count))
         assert edges.size == count
         # all kinks are edges, no panel has no width, and the widest were cut
         assert all(np.abs(edges - kink).min() < 1e-8 for kink in kinks[[0, 2, 4, 5]])

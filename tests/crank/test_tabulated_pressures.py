@@ -20,9 +20,21 @@ from jaxcomp.scene import loads, start
 CYCLE = PolytropicCycle(98e3, 980e3, 1.2, 0.03, 98e3)
 
 
+@jax.jit
+def pressure_over_angle(compressor, gas, angle):
+    """[Pa] In the cylinder of a machine with another cycle."""
+    return gas.pressure(stroke_at(compressor, angle))[0]
+
+
+@jax.jit
+def displacement_slope(mechanism, angle):
+    """[m] Slope of the piston's displacement over the crank angle."""
+    return mechanism.kinematics(angle).position_1
+
+
 def table_over_angle(points, gas=CYCLE):
     angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
-    pressure = gas.pressure(stroke_at(machine(), jnp.asarray(angle)))[0]
+    pressure = pressure_over_angle(machine(), gas, jnp.asarray(angle))
     return CrankAngleTable(angle, np.asarray(pressure), 98e3)
 
 
@@ -46,16 +58,23 @@ def work_over_angle(table):
     at = (middle[:, None] + half[:, None] * node).ravel()
     around = (half[:, None] * weight).ravel()
     mechanism = machine().mechanism
-    kinematics = mechanism.kinematics(jnp.asarray(at))
+    slope = np.asarray(displacement_slope(mechanism, jnp.asarray(at)))
     # the torque of the gas on the crank is p A dx/dtheta, x towards the head; its work on the gas
     force = curve(at) * float(mechanism.piston_area)
-    return float(np.sum(around * force * np.asarray(kinematics.position_1)))
+    return float(np.sum(around * force * slope))
 
 
-@pytest.mark.parametrize("points", [24, 97, 180])
+def solver_of(made):
+    """The default without edges at load reversals, which the gas does not see: smaller programs."""
+    return dataclasses.replace(default_collocation(made), reversals=0)
+
+
+# 181 by default as the closed table below, whose program serves here as well
+@pytest.mark.parametrize("points", [24, 97, 181])
 def test_a_diagram_over_the_angle_keeps_its_work(points):
     table = table_over_angle(points)
-    orbit = solve_orbit(machine(gas=table))
+    made = machine(gas=table)
+    orbit = solve_orbit(made, None if points == 181 else solver_of(made))
     exact = work_over_angle(table)
     # seen: 1e-9 with 4 nodes between neighbours, 1e-12 with 8
     assert float(orbit.energy.gas_work) == pytest.approx(exact, rel=1e-8)
@@ -66,13 +85,14 @@ def test_a_diagram_over_the_angle_keeps_its_work(points):
 @pytest.mark.parametrize("points", [180, 181], ids=["open", "closed"])
 def test_a_diagram_as_instruments_write_it_has_the_work_of_its_curve(points):
     """The template's cycle every 2 degrees, to 1e-4 bar: 17.6447 J by the periodic cubic."""
-    scene = loads(start("slider-crank", "my-machine"))
+    template = loads(start("slider-crank", "my-machine")).compressor
     degrees = np.arange(0, 2 * points, 2)
-    cycle = scene.compressor.gas
-    stroke = stroke_at(scene.compressor, jnp.deg2rad(degrees % 360))
-    bar = np.round(np.asarray(cycle.pressure(stroke)).ravel() / 1e5, 4)
+    angle = jnp.asarray(np.deg2rad(degrees % 360))
+    bar = np.round(np.asarray(pressure_over_angle(template, template.gas, angle)) / 1e5, 4)
     table = CrankAngleTable(np.deg2rad(degrees), 1e5 * bar, 98e3)
-    orbit = solve_orbit(dataclasses.replace(scene.compressor, gas=table))
+    # the joints of the machine above, of which the work of the gas knows nothing
+    made = dataclasses.replace(machine(gas=table), mechanism=template.mechanism)
+    orbit = solve_orbit(made)
     assert float(orbit.energy.gas_work) == pytest.approx(17.6447, abs=5e-5)
 
 
@@ -80,8 +100,8 @@ def test_a_diagram_over_the_volume_keeps_its_work():
     """Polygons of the cubics' integrals: the volume is the abscissa, so that no mechanism matters."""
     share = np.linspace(0, 1, 41)
     inward, outward = 98e3 + 4e5 * (1 - share) ** 2, 98e3 + 3e5 * np.exp(-20 * share)
-    gas = VolumeTable(share, inward, outward, 98e3)
-    orbit = solve_orbit(machine(gas=gas))
+    made = machine(gas=VolumeTable(share, inward, outward, 98e3))
+    orbit = solve_orbit(made, solver_of(made))
 
     def mean(pressure):
         secant, inner = np.diff(pressure) / np.diff(share), curve_slopes(share, pressure)
@@ -110,14 +130,15 @@ def test_work_that_the_nodes_do_not_resolve_is_told():
     """A harmonic of order 40, of which 6 panels of 8 nodes see nothing."""
     cosine = np.zeros(80)
     cosine[79] = 2e6
-    gas = FourierDiagram(3e5, cosine, -2e4 * np.ones(80), 98e3)
-    orbit = solve_orbit(machine(gas=gas), throw=False)
+    made = machine(gas=FourierDiagram(3e5, cosine, -2e4 * np.ones(80), 98e3))
+    orbit = solve_orbit(made, solver_of(made), throw=False)
     assert status_of(orbit) == "unresolved"
     assert float(orbit.gas_work_error) > 0.01 * abs(float(orbit.energy.gas_work))
 
 
 def test_the_march_compares_the_work():
-    orbit = solve_orbit(machine(gas=table_over_angle(97)), verify=True)
+    made = machine(gas=table_over_angle(97))
+    orbit = solve_orbit(made, solver_of(made), verify=True)
     error = float(orbit.verification.gas_work_error)
     assert abs(error) < 1e-7 * float(orbit.energy.gas_work)
 

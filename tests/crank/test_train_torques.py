@@ -1,6 +1,6 @@
 """Peak torques of a crank train against the periodic solution of the chain in time."""
 
-import jax.numpy as jnp
+import equinox as eqx
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -21,12 +21,19 @@ def twin():
     return made, solve_orbit(made, Collocation(nodes=16, reversals=2))
 
 
+# One program: outside of one every operation is compiled by itself.
+@eqx.filter_jit
+def torques_of_throws(made, orbit):
+    return throw_torques(made, orbit), _own_losses(made, orbit)
+
+
 def torques_in_time(made, orbit, motors):
     """[N m] On motor inertias and throws at even instants, and the step [s]."""
-    own = throw_torques(made, orbit)
-    of_shaft = orbit.loads.total_loss_torque - jnp.sum(_own_losses(made, orbit), axis=0)
-    before = jnp.zeros((motors, orbit.time.size)).at[0].set(orbit.motor_torque)
-    rows = np.asarray(jnp.concatenate([before, own - of_shaft / own.shape[0]]))
+    own, losses = map(np.asarray, torques_of_throws(made, orbit))
+    of_shaft = np.asarray(orbit.loads.total_loss_torque) - np.sum(losses, axis=0)
+    before = np.zeros((motors, orbit.time.size))
+    before[0] = orbit.motor_torque
+    rows = np.concatenate([before, own - of_shaft / own.shape[0]])
     x = np.linspace(0.0, 1.0, 2001)[:-1]
     through = gauss(orbit.panel_nodes).through(x).T
     wide = np.asarray(orbit.panel_width) > 1e-6
@@ -101,11 +108,10 @@ def test_peaks_are_those_in_time_within_the_stated_error(twin, seed):
     assert np.all(np.abs(np.asarray(few.peak) - exact) <= np.asarray(few.peak_error))
 
 
-def test_the_bundled_twin_passes_its_first_mode_at_order_24():
+def test_the_bundled_twin_passes_its_first_mode_at_order_24(twin):
     """Sixteen harmonics gave 43.46 and 49.88 N m."""
-    made = compressor_of(load("refrigeration-twin"))
     train = load("refrigeration-twin").machine.parts["torsion"]
-    found = train_torques(made, solve_orbit(made), train)
+    found = train_torques(*twin, train)
     # the periodic solution in time
     np.testing.assert_allclose(found.peak, [46.72, 52.60], rtol=2e-4)
     assert found.amplitude.shape[1] * float(found.frequency[0]) > 2 * float(
