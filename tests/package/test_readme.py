@@ -30,7 +30,6 @@ from jaxcomp.cli import app
 from jaxcomp.mechanism import SliderCrank, SliderLink
 from jaxcomp.scene import machines
 from jaxcomp.scene._explain import explained, part_places
-from jaxcomp.study._problem import solved
 
 ROOT = Path(__file__).parents[2]
 public_names = runpy.run_path(str(ROOT / "notebooks" / "public_names.py"))["public_names"]
@@ -126,10 +125,8 @@ def test_examples_of_python_print_what_they_promise(page, number, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     code = blocks(page, "python")[number]
     if "samples=4096" in code:
-        # What is printed of them is promised nowhere: fewer machines, and in the search for the nearest
-        # failing one, which asks for one at a time, no seven others beside it.
+        # what is printed of them is promised nowhere
         code = code.replace("samples=4096", "samples=256")
-        monkeypatch.setattr(solved, "__defaults__", (1,))
     shown = printed_as_script(code) if "__main__" in code else printed_by(code)
     assert shown
     for line in promised(code):
