@@ -16,15 +16,13 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
-import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from .._core.arguments import bounds_by_names
 from .._core.errors import BadInput
 from ._analysis import quantity_named
-from ._problem import Problem, RequestedQuantity, name_of, prepared
+from ._problem import Problem, RequestedQuantity, check_traced, name_of, prepared
 from ._variables import Variable
 
 Rows: TypeAlias = Float[np.ndarray, "*n variables"]
@@ -193,9 +191,7 @@ def goal_of(
     rangeless = _without_ranges(problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
     complete = Problem(problem.design, rangeless, tuple(quantities), problem.options)
-    # Refuses what the machine does not have before anything is compiled.
-    eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(rangeless),), float))
-
+    check_traced(complete)
     return Goal(
         problem=prepared(complete),
         ranges=ranges,

@@ -250,9 +250,22 @@ def problem(
     for name, ends in by_name(design, ranges).items():
         free_variables.append(find_variable(design, name, *ends))
     complete = Problem(design, tuple(free_variables), tuple(quantities), checked_options(options))
-    # Refuses what the scene does not have before anything is compiled.
-    eqx.filter_eval_shape(complete, jax.ShapeDtypeStruct((len(free_variables),), float))
+    check_traced(complete)
     return complete
+
+
+@eqx.filter_jit
+def _answer(problem: Problem, point: Float[Array, " variables"]):
+    return problem(point)
+
+
+def check_traced(problem: Problem) -> None:
+    """Refuse what the machine of a problem does not have, before anything is compiled.
+
+    To trace a machine takes half a second; problems of one structure are traced once.
+    """
+    point = jax.ShapeDtypeStruct((len(problem.variables),), float)
+    eqx.filter_eval_shape(_answer, problem, point)
 
 
 def problem_of(
