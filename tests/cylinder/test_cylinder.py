@@ -40,12 +40,12 @@ after_event = eqx.filter_jit(_events.after_event)
 
 SPEED = 2950 * 2 * np.pi / 60
 COLLOCATION = CycleOptions(nodes=10, panels=40)
-# of the golden machines, and of the same with bounces: one program
-GOLDEN_OPTIONS = CycleOptions(nodes=10, panels=64)
+# of the golden machines, and of the same with bounces and touches: one program
+GOLDEN_OPTIONS = CycleOptions(nodes=10, panels=96)
 # the size that these need, so that no smaller one is tried before
 IDEAL_VALVES = CycleOptions(value_tolerance=1e-7, capacity=6000, max_passes=30000, size=3)
 # of golden machines whose ports have no length: they are marched whatever the method
-QUASI_STEADY = CycleOptions(value_tolerance=1e-9, panels=48, capacity=1600)
+QUASI_STEADY = CycleOptions(value_tolerance=1e-9, panels=48, capacity=1600, max_passes=4000)
 
 
 def test_a_reed_is_a_cantilever_that_its_port_loads():
