@@ -6,6 +6,7 @@ Harmonics up to 64 leave 2e-5 to 4e-5 where pipes are little damped.
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -114,6 +115,16 @@ CASES = {
 QUICK = ("P2",)
 
 
+@eqx.filter_jit
+def impedances(pulsation):
+    """Pressure of every order at the flange of each network by the flow there, in one program."""
+    by_line = []
+    for _, line, _ in pulsation.lines:
+        network, _, _, dynamic = line.responses(pulsation.waves[line.side])
+        by_line.append(dynamic.pressure[:, network.flanges[0], 0])
+    return by_line
+
+
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=OWN_PROGRAM) for name in CASES]
 )
@@ -135,10 +146,9 @@ def test_cycles_behind_pipes(name):
     assert abs(float(cycle.energy_closure)) < 1e-9
     assert abs(float(cycle.mass_closure)) < 1e-9
     # passive networks take power from the flow at their flange and give none
-    for _, line, _ in pulsation.lines:
-        responses = line.responses(pulsation.waves[line.side])
-        series = responses[3].pressure[:, responses[0].flanges[0], 0]
-        assert float(jnp.min(series.real / jnp.abs(series))) >= -1e-12
+    for impedance in impedances(pulsation):
+        series = np.asarray(impedance)
+        assert np.min(series.real / np.abs(series)) >= -1e-12
 
 
 @OWN_PROGRAM
