@@ -57,10 +57,19 @@ TRANSPORT = [
 ]
 
 
+MOST_POINTS = 40
+
+
 @eqx.filter_jit
-def state_of(gas, T, rho):
+def states_of(gas, T, rho):
     """One program, where every operation outside of one is compiled by itself."""
     return gas.state(T, rho)
+
+
+def state_of(gas, T, rho):
+    """States at any number of points, filled up so that a gas has one program."""
+    states = states_of(gas, np.resize(T, MOST_POINTS), np.resize(rho, MOST_POINTS))
+    return jax.tree.map(lambda x: np.asarray(x)[: np.size(T)].reshape(np.shape(T)), states)
 
 
 @eqx.filter_jit
@@ -157,8 +166,8 @@ def test_states_agree_with_coolprop(name):
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     gas = RealGas(name)
     rng = np.random.default_rng(1)
-    T = rng.uniform(max(gas.data["T_least"], 230.0), min(480.0, gas.data["T_most"]), 40)
-    rho = rng.uniform(0.002, 0.2, 40) * gas.data["rho_r"]
+    T = rng.uniform(max(gas.data["T_least"], 230.0), min(480.0, gas.data["T_most"]), MOST_POINTS)
+    rho = rng.uniform(0.002, 0.2, MOST_POINTS) * gas.data["rho_r"]
     state = state_of(gas, jnp.asarray(T), jnp.asarray(rho))
     other = coolprop.AbstractState("HEOS", FLUIDS[name][0])
     other.specify_phase(coolprop.iphase_gas)  # the metastable gas as well

@@ -84,10 +84,11 @@ def test_an_empty_word_is_named():
 @pytest.mark.parametrize("stiffness", [1e16, pytest.param(3e16, marks=pytest.mark.slow), 1e18])
 def test_critical_speeds_on_stiff_springs_are_those_of_a_pinned_rotor(stiffness):
     """From 1e12 N/m on, the springs are a hundred thousand times as stiff as the shaft."""
-    pinned, found = (critical_speeds(rotor(k), 2) for k in (1e12, stiffness))
+    # the number that other tests ask for, which has its program
+    pinned, found = (critical_speeds(rotor(k), 6) for k in (1e12, stiffness))
     # the springs of 1e12 N/m still move by 1e-6 of the disk
-    np.testing.assert_allclose(found.speed, pinned.speed, rtol=1e-5)
-    assert np.all(found.residual < 1e-10)
+    np.testing.assert_allclose(found.speed[:2], pinned.speed[:2], rtol=1e-5)
+    assert np.all(found.residual[:2] < 1e-10)
     assert bool(damped_modes(rotor(stiffness), 100.0, 4).stable)
 
 
