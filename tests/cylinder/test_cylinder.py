@@ -342,6 +342,15 @@ def test_the_quasi_steady_law_refuses_derivatives():
         jax.grad(work)(SPEED)
 
 
+def test_a_failure_names_events_and_panels():
+    words = (
+        r"events of the valves in a revolution, \d+ of suction and \d+ of discharge, on 48 panels"
+    )
+    with pytest.raises(SolveFailed, match=words):
+        # at a tenth of the speed valves flutter all the way
+        solve_cycle(golden("A"), mechanism(), 0.1 * SPEED, QUASI_STEADY)
+
+
 def test_ideal_valves_approach_the_ideal_cycle_at_second_order():
     """Adiabatic, tight, with check valves: the polytropic cycle of the perfect gas."""
     errors = []
