@@ -5,16 +5,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference_pipes import SPEED, crank, cylinder, suction_pipe
+from reference_pipes import SPEED, crank, cylinder
 from scipy.special import spherical_jn
 
-from jaxcomp import BadInput, Status
-from jaxcomp._core.fields import replaced
 from jaxcomp._core.polynomials import gauss
-from jaxcomp.cylinder import CycleOptions, _cylinder, _quadrature, _waves, solve_cycle
+from jaxcomp.cylinder import _cylinder, _quadrature, _waves
 from jaxcomp.cylinder._cylinder import Pace
-from jaxcomp.cylinder._pulsation import Pulsation
-from jaxcomp.piping import Pipes
 
 # parts of larger programs, each compiled once for all tests
 prepare = eqx.filter_jit(_cylinder.prepare)
@@ -98,54 +94,3 @@ def test_samples_of_a_march():
         # cubics leave 4e-6 of the last harmonic, which is 1/4096 here
         exact = series @ harmonics(jnp.asarray(tau), orders)
         np.testing.assert_allclose(samples.at(jnp.asarray(tau)), exact, atol=1e-8)
-
-
-@pytest.fixture(scope="module")
-def quarter_wave():
-    return solve_cycle(cylinder(suction_pipe(0.9)), crank(), SPEED, CycleOptions())
-
-
-def test_the_first_size_resolves_a_quarter_wave(quarter_wave):
-    """P2 of the reference; five times the panels, until flows were exact on wide ones."""
-    cycle = quarter_wave
-    assert cycle.status == Status.converged
-    assert cycle.angle.size == CycleOptions().behind_pipes().panel_count * 6
-    # one of two revolutions, and behind the waves of each step one more: four steps
-    assert int(cycle.revolutions) <= 6
-    # the last Newton's method has one linearisation
-    assert int(cycle.iterations) == 1
-
-
-def test_pressure_at_a_place_of_a_pipe(quarter_wave):
-    pulsation = quarter_wave.pulsation
-    nodes = pulsation.series()
-    # as at the nodes where its ends are, counted from either of them
-    for distance, node in ((0.0, "flange"), (0.9, "far")):
-        for ends, place in ((("flange", "far"), distance), (("far", "flange"), 0.9 - distance)):
-            series = pulsation.series_in_pipe(*ends, place)
-            np.testing.assert_allclose(series, nodes[node], rtol=1e-10, atol=1e-8)
-    # as at a node that cuts the pipe there: the same waves and flows through another network
-    piping = pulsation.case.cylinder.suction.piping
-    chain = Pipes(("flange", "cut", "far"), [0.35, 0.55], 0.05, attenuation=0.02)
-    suction = replaced(pulsation.case.cylinder.suction, piping=replaced(piping, pipes=(chain,)))
-    machine = replaced(pulsation.case.cylinder, suction=suction)
-    case = eqx.tree_at(lambda case: case.cylinder, pulsation.case, machine)
-    at_cut = Pulsation(pulsation.waves, pulsation.flows, case, pulsation.phase).series()["cut"]
-    np.testing.assert_allclose(
-        pulsation.series_in_pipe("flange", "far", 0.35), at_cut, rtol=1e-10, atol=1e-8
-    )
-    with pytest.raises(BadInput, match=r"0\.9 m"):
-        pulsation.series_in_pipe("flange", "far", 1.0)
-    with pytest.raises(BadInput, match="flange-far"):
-        pulsation.series_in_pipe("flange", "line", 0.1)
-
-
-def test_status_of_waves_beyond_their_range(quarter_wave):
-    pulsation = quarter_wave.pulsation
-    assert pulsation.status == Status.converged
-    # three times the pressures: 17 % peak to peak
-    larger = pulsation.waves[0]._replace(pressure=3 * pulsation.waves[0].pressure)
-    loud = Pulsation((larger, None), pulsation.flows, pulsation.case, pulsation.phase)
-    assert loud.status == Status.large_pulsation
-    assert float(loud.linear_error) == pytest.approx(0.35 * float(loud.largest) ** 2)
-    assert "large_pulsation" in " ".join(loud.remarks)

@@ -6,6 +6,7 @@ Harmonics up to 64 leave 2e-5 to 4e-5 where pipes are little damped.
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,6 +25,7 @@ from jaxcomp.cylinder import (
     SuctionLine,
     solve_cycle,
 )
+from jaxcomp.cylinder._pulsation import Pulsation
 from jaxcomp.cylinder._solve_cycle import solve_cycles
 from jaxcomp.piping import ClosedEnd, Orifice, Pipes, Piping, Run, Volume
 
@@ -114,6 +116,16 @@ CASES = {
 QUICK = ("P2",)
 
 
+@eqx.filter_jit
+def impedances(pulsation):
+    """Pressure of every order at the flange of each network by the flow there, in one program."""
+    by_line = []
+    for _, line, _ in pulsation.lines:
+        network, _, _, dynamic = line.responses(pulsation.waves[line.side])
+        by_line.append(dynamic.pressure[:, network.flanges[0], 0])
+    return by_line
+
+
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=OWN_PROGRAM) for name in CASES]
 )
@@ -135,10 +147,60 @@ def test_cycles_behind_pipes(name):
     assert abs(float(cycle.energy_closure)) < 1e-9
     assert abs(float(cycle.mass_closure)) < 1e-9
     # passive networks take power from the flow at their flange and give none
-    for _, line, _ in pulsation.lines:
-        responses = line.responses(pulsation.waves[line.side])
-        series = responses[3].pressure[:, responses[0].flanges[0], 0]
-        assert float(jnp.min(series.real / jnp.abs(series))) >= -1e-12
+    for impedance in impedances(pulsation):
+        series = np.asarray(impedance)
+        assert np.min(series.real / np.abs(series)) >= -1e-12
+
+
+@pytest.fixture(scope="module")
+def quarter_wave():
+    return solved(suction_pipe(0.9))
+
+
+def test_the_first_size_resolves_a_quarter_wave(quarter_wave):
+    """P2 of the reference; five times the panels, until flows were exact on wide ones."""
+    cycle = quarter_wave
+    assert cycle.status == Status.converged
+    assert cycle.angle.size == CycleOptions().behind_pipes().panel_count * 6
+    # one of two revolutions, and behind the waves of each step one more: four steps
+    assert int(cycle.revolutions) <= 6
+    # the last Newton's method has one linearisation
+    assert int(cycle.iterations) == 1
+
+
+def test_pressure_at_a_place_of_a_pipe(quarter_wave):
+    pulsation = quarter_wave.pulsation
+    nodes = pulsation.series()
+    # as at the nodes where its ends are, counted from either of them
+    for distance, node in ((0.0, "flange"), (0.9, "far")):
+        for ends, place in ((("flange", "far"), distance), (("far", "flange"), 0.9 - distance)):
+            series = pulsation.series_in_pipe(*ends, place)
+            np.testing.assert_allclose(series, nodes[node], rtol=1e-10, atol=1e-8)
+    # as at a node that cuts the pipe there: the same waves and flows through another network
+    piping = pulsation.case.cylinder.suction.piping
+    chain = Pipes(("flange", "cut", "far"), [0.35, 0.55], 0.05, attenuation=0.02)
+    suction = replaced(pulsation.case.cylinder.suction, piping=replaced(piping, pipes=(chain,)))
+    machine = replaced(pulsation.case.cylinder, suction=suction)
+    case = eqx.tree_at(lambda case: case.cylinder, pulsation.case, machine)
+    at_cut = Pulsation(pulsation.waves, pulsation.flows, case, pulsation.phase).series()["cut"]
+    np.testing.assert_allclose(
+        pulsation.series_in_pipe("flange", "far", 0.35), at_cut, rtol=1e-10, atol=1e-8
+    )
+    with pytest.raises(BadInput, match=r"0\.9 m"):
+        pulsation.series_in_pipe("flange", "far", 1.0)
+    with pytest.raises(BadInput, match="flange-far"):
+        pulsation.series_in_pipe("flange", "line", 0.1)
+
+
+def test_status_of_waves_beyond_their_range(quarter_wave):
+    pulsation = quarter_wave.pulsation
+    assert pulsation.status == Status.converged
+    # three times the pressures: 17 % peak to peak
+    larger = pulsation.waves[0]._replace(pressure=3 * pulsation.waves[0].pressure)
+    loud = Pulsation((larger, None), pulsation.flows, pulsation.case, pulsation.phase)
+    assert loud.status == Status.large_pulsation
+    assert float(loud.linear_error) == pytest.approx(0.35 * float(loud.largest) ** 2)
+    assert "large_pulsation" in " ".join(loud.remarks)
 
 
 @OWN_PROGRAM

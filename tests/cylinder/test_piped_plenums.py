@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 from reference_pipes import AIR, SPEED, crank, cylinder, suction_pipe, valves
 
 from jaxcomp import BadInput, Status
@@ -64,20 +65,24 @@ def check_slopes(system):
     rng = np.random.default_rng(2)
     sides = []
     for side in waves_at_rest(system.first.cylinder):
-        pressure = 0.01 * rng.normal(size=side.pressure.shape)
-        sides.append(side._replace(pressure=jnp.asarray(pressure)))
+        sides.append(side._replace(pressure=0.01 * rng.normal(size=side.pressure.shape)))
     system = system.with_waves((sides[0], sides[1]))
     angle = jnp.asarray(0.3)
-    state, flags = initial(system, angle)
-    state = state * (1 + 0.03 * jnp.asarray(rng.normal(size=state.size)))
+    # by NumPy, where every operation of JAX would be a program
+    state, flags = map(np.array, initial(system, angle))
+    state *= 1 + 0.03 * rng.normal(size=state.size)
     # suction valves on their way, so that gas flows
     count = system.count
-    flags = flags.reshape(count, 6).at[:, 0].set(1).ravel()
-    columns = jnp.asarray(system.columns(2, 3, 4))
-    state = state.at[columns].set(jnp.tile(jnp.array([0.4, 0.1, 0.05]), count))
+    flags.reshape(count, 6)[:, 0] = 1
+    state[np.asarray(system.columns(2, 3, 4))] = np.tile([0.4, 0.1, 0.05], count)
     rows = eqx.filter_jit(Cylinders.jacobian_at_flanges)(system, angle, state, flags)
+    rows = jax.tree.map(np.asarray, rows)
 
-    def law(angle, state, pressures):
+    none = [np.zeros(side.pressure.shape) for side in system.waves]
+    arguments, separate = ravel_pytree((angle, state, none))
+
+    def law(arguments):
+        angle, state, pressures = separate(arguments)
         sides = []
         for side, change in zip(system.waves, pressures, strict=True):
             sides.append(side._replace(pressure=side.pressure + change))
@@ -86,8 +91,8 @@ def check_slopes(system):
         values = at.state, at.events, observed
         return values, values
 
-    none = [jnp.zeros_like(side.pressure) for side in system.waves]
-    slopes, values = jax.jit(jax.jacfwd(law, (0, 1, 2), has_aux=True))(angle, state, none)
+    # along one list of all arguments: the law is compiled once and not for each of the three
+    slopes, values = jax.jit(jax.jacfwd(law, has_aux=True))(arguments)
     (state_1, events), (by_state, turned), (events_by_state, events_turned) = rows.panels
     together = (
         (state_1, turned, by_state, rows.state_by_pressure),
@@ -101,12 +106,11 @@ def check_slopes(system):
     )
     for value, slope, parts in zip(values, slopes, together, strict=True):
         np.testing.assert_allclose(parts[0], value, rtol=1e-12, atol=1e-14)
-        by_waves = np.concatenate(
-            [np.asarray(part).reshape(value.size, -1) for part in slope[2]], 1
-        )
-        for own, whole in zip(
-            (*parts[1:3], parts[3] @ rows.basis), (*slope[:2], by_waves), strict=True
-        ):
+        slope = np.asarray(slope)
+        by_angle = slope[..., 0]
+        by_state, by_waves = np.split(slope[..., 1:], [state.size], axis=-1)
+        of_law = by_angle, by_state, by_waves.reshape(value.size, -1)
+        for own, whole in zip((*parts[1:3], parts[3] @ rows.basis), of_law, strict=True):
             scale = np.abs(whole).max() + 1e-30
             np.testing.assert_allclose(own, whole, rtol=1e-9, atol=1e-12 * scale)
     assert np.abs(rows.observed[0]) > 0

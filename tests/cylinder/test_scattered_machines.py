@@ -85,11 +85,19 @@ def is_quasi_steady(entry):
 
 
 def test_forty_scattered_machines_are_solved_by_default():
-    """Of one method and two sizes; at 30 rpm a valve has 555 contacts in a revolution."""
-    few = [one for one in MACHINES if is_quasi_steady(one) and one["wanted"]["events"] <= 45]
+    """Of one method, R134a of two sizes and air of the first: each size of a gas is a program.
+
+    At 30 rpm a valve has 555 contacts in a revolution.
+    """
+    most_events = {"R134a": 45, "air": 11}
+    few = [
+        machine
+        for machine in MACHINES
+        if is_quasi_steady(machine) and machine["wanted"]["events"] <= most_events[machine["fluid"]]
+    ]
     assert len(few) >= 40
-    for entry in few[:40]:
-        check(entry)
+    for machine in few:
+        check(machine)
 
 
 @pytest.mark.slow  # programs of all sizes and both gases

@@ -9,20 +9,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cylinder.test_cylinder import SPEED, golden, mechanism, with_values
+from cylinder.test_cylinder import GOLDEN_OPTIONS, SPEED, golden, mechanism, with_values
 from reference_valves import Reference
 
 from jaxcomp import SolveFailed, Status
 from jaxcomp.cylinder import CycleOptions, solve_cycle
 from jaxcomp.cylinder._cycle import GRAZING
 
-OPTIONS = CycleOptions(nodes=8, panels=96)
 # [m] to which the suction valve of the air machine lifts without a stop: the reference's own
 FREE_LIFT = 0.0032359564048
 
 
 def solve(**values):
-    return solve_cycle(with_values(golden("D"), **values), mechanism(), SPEED, OPTIONS)
+    return solve_cycle(with_values(golden("D"), **values), mechanism(), SPEED, GOLDEN_OPTIONS)
 
 
 def revolution(cycle, **changes):
@@ -83,7 +82,7 @@ def test_panels_that_are_given_have_room_or_say_so():
     enough = CycleOptions(nodes=8, panels=24)
     found = solve_cycle(golden("D"), mechanism(), SPEED, enough)
     assert found.raw[0].event.size == 24
-    wanted = solve_cycle(golden("D"), mechanism(), SPEED, OPTIONS).volumetric_efficiency
+    wanted = solve_cycle(golden("D"), mechanism(), SPEED, GOLDEN_OPTIONS).volumetric_efficiency
     # 8 nodes on the few panels between the events
     np.testing.assert_allclose(found.volumetric_efficiency, wanted, rtol=1e-6)
     traced = jax.jit(lambda speed: solve_cycle(golden("D"), mechanism(), speed, few, throw=False))

@@ -1,6 +1,6 @@
 """Derivatives of the film against finite differences, and finite at every edge."""
 
-from functools import partial
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -99,27 +99,48 @@ def test_forward_and_reverse_mode_agree_with_differences_over_all_inputs():
         np.testing.assert_allclose(slopes / value(point), expected / value(point), atol=1e-8)
 
 
-def test_stiffness_is_differentiable():
-    def both(point, load):
-        bearing = JournalBearing(*SIZES.at[2].multiply(jnp.exp(point[0])))
-        direction = jnp.array([jnp.cos(point[1]), jnp.sin(point[1])])
-        coefficients = jnp.stack(stiffness_damping(bearing, load * direction, 300.0))
+BATCH = 14  # of bearings in one program
+
+
+@cache
+def stiffness_and_slopes(model):
+    """Stiffness and damping of a batch of bearings, with slopes by sizes and load."""
+
+    def both(sizes, load):
+        bearing = JournalBearing(*sizes, film=model)
+        coefficients = jnp.stack(stiffness_damping(bearing, load, 300.0))
         return coefficients, coefficients
 
-    slopes_and_value = jax.jit(jax.jacrev(both, has_aux=True))
+    program = jax.jit(jax.vmap(jax.jacrev(both, (0, 1), has_aux=True)))
 
-    def value(point, load):
-        return np.asarray(slopes_and_value(point, load)[1])
+    def arrays(sizes, load):
+        (by_size, by_load), values = program(sizes, load)
+        return np.asarray(values), np.asarray(by_size), np.asarray(by_load)
 
-    point = np.array([0.0, 0.4])
+    return arrays
+
+
+def test_stiffness_is_differentiable():
+    angle = 0.4
+    places = [(0.0, 0.0)]
+    for step in 1e-3 * np.array([-2.0, -1.0, 1.0, 2.0]):
+        places += [(step, 0.0), (0.0, step)]
+    # the batch of the program is filled up with the first place
+    log_clearance, turn = np.array(places + places[:1] * (BATCH - len(places))).T
+    sizes = np.tile(SIZES, (BATCH, 1))
+    sizes[:, 2] *= np.exp(log_clearance)
+    direction = np.column_stack([np.cos(angle + turn), np.sin(angle + turn)])
     for load in (5.0, 300.0, 2e4):
-        slope = np.asarray(slopes_and_value(point, load)[0])
-        scale = np.abs(value(point, load)).max((1, 2), keepdims=True)
-        for i, direction in enumerate(np.eye(2)):
-            expected = central(lambda t, d=direction, w=load: value(point + t * d, w), 0.0, 1e-3)
+        values, by_size, by_load = stiffness_and_slopes(Reynolds)(sizes, load * direction)
+        scale = np.abs(values[0]).max((1, 2), keepdims=True)
+        across = load * np.array([-np.sin(angle), np.cos(angle)])
+        slopes = by_size[0, ..., 2] * SIZES[2], by_load[0] @ across
+        for number, slope in enumerate(slopes, 1):
+            far_below, below, above, far_above = values[number:9:2]
+            expected = (8 * (above - below) - far_above + far_below) / 12e-3
             # relative to the largest entry, see above; the stiff film at high load has a
             # condition of a hundred
-            np.testing.assert_allclose(slope[..., i] / scale, expected / scale, atol=1e-8)
+            np.testing.assert_allclose(slope / scale, expected / scale, atol=1e-8)
 
 
 QUANTITIES = [(m, n) for m in (Reynolds, GroovedReynolds) for n in ("load", "attitude", "damping")]
@@ -153,34 +174,30 @@ def test_length_ratio_goes_on_smoothly_beyond_the_table():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_finite_from_no_load_and_rest_over_twelve_decades(model):
-    def values(sizes, load, speed):
+    def values(point):
+        *sizes, load, speed = point
         bearing = prepare(JournalBearing(*sizes, film=model))
         functions = friction_moment, bush_moment, eccentricity_ratio, minimum_film
-        return jnp.stack([f(bearing, load, speed) for f in functions])
+        outputs = jnp.stack([f(bearing, load, speed) for f in functions])
+        return outputs, outputs
 
-    def with_slopes(*at):
-        modes = jax.jacfwd(values, (0, 1, 2)), jax.jacrev(values, (0, 1, 2))
-        return values(*at), [slopes(*at) for slopes in modes]
+    def with_slopes(point):
+        # along one list of all inputs: each mode is compiled once
+        return [mode(values, has_aux=True)(point) for mode in (jax.jacfwd, jax.jacrev)]
 
     loads = np.append(0.0, np.logspace(-5, 7, 13))
     speeds = np.array([-300.0, -1e-9, 0.0, 1e-6, 300.0])
     w, v = (a.ravel() for a in np.meshgrid(loads, speeds))
-    for leaf in jax.tree.leaves(jax.jit(jax.vmap(with_slopes, (None, 0, 0)))(SIZES, w, v)):
+    points = np.column_stack([np.tile(SIZES, (w.size, 1)), w, v])
+    for leaf in jax.tree.leaves(jax.jit(jax.vmap(with_slopes))(points)):
         assert np.all(np.isfinite(leaf))
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_stiffness_is_finite_from_no_load_over_twelve_decades(model):
-    def both(sizes, load):
-        bearing = JournalBearing(*sizes, film=model)
-        return jnp.stack(stiffness_damping(bearing, load, 300.0))
-
-    def with_slopes(*at):
-        return both(*at), jax.jacrev(both, (0, 1))(*at)
-
-    loads = np.append(0.0, np.logspace(-5, 7, 13))
+    loads = np.append(0.0, np.logspace(-5, 7, BATCH - 1))
     vectors = loads[:, None] * np.array([0.6, -0.8])
-    for leaf in jax.tree.leaves(jax.jit(jax.vmap(with_slopes, (None, 0)))(SIZES, vectors)):
+    for leaf in stiffness_and_slopes(model)(np.tile(SIZES, (BATCH, 1)), vectors):
         assert np.all(np.isfinite(leaf))
 
 

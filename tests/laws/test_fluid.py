@@ -57,10 +57,28 @@ TRANSPORT = [
 ]
 
 
+MOST_POINTS = 40
+
+
 @eqx.filter_jit
-def state_of(gas, T, rho):
+def states_of(gas, T, rho):
     """One program, where every operation outside of one is compiled by itself."""
     return gas.state(T, rho)
+
+
+def state_of(gas, T, rho):
+    """States at any number of points, filled up so that a gas has one program."""
+    states = states_of(gas, np.resize(T, MOST_POINTS), np.resize(rho, MOST_POINTS))
+    return jax.tree.map(lambda x: np.asarray(x)[: np.size(T)].reshape(np.shape(T)), states)
+
+
+@eqx.filter_jit
+def saturated(gas, T):
+    """Saturation by temperature and back by pressure, and the states of both phases."""
+    by_temperature = gas.saturation(T=T)
+    by_pressure = gas.saturation(p=by_temperature.p)
+    phases = [gas.state(T, rho) for rho in (by_temperature.liquid, by_temperature.vapour)]
+    return by_temperature, by_pressure, *phases
 
 
 @pytest.mark.parametrize("row", STATES, ids=lambda row: row[:10])
@@ -75,14 +93,11 @@ def test_states_agree_with_the_stored_values(row):
 @pytest.mark.parametrize("row", SATURATION, ids=lambda row: f"{row[0]}-{row[1]}")
 def test_saturation_agrees_with_the_stored_values(row):
     name, celsius, pressure, vapour = row
-    gas = RealGas(name)
-    found = gas.saturation(T=jnp.asarray(celsius + 273.15))
+    found, back, liquid, gaseous = saturated(RealGas(name), jnp.asarray(celsius + 273.15))
     np.testing.assert_allclose(found.p, pressure, rtol=6e-8)  # eight digits are stored
     if vapour is not None:
         np.testing.assert_allclose(found.vapour, vapour, rtol=6e-8)
-    back = gas.saturation(p=found.p)
     np.testing.assert_allclose(back.T, celsius + 273.15, rtol=1e-12)
-    liquid, gaseous = (state_of(gas, found.T, rho) for rho in (found.liquid, found.vapour))
     # one in 1e9 of a latent heat of 150 kJ/kg: rounding of entropies
     assert abs((liquid.h - gaseous.h) - found.T * (liquid.s - gaseous.s)) < 1e-4
 
@@ -151,8 +166,8 @@ def test_states_agree_with_coolprop(name):
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     gas = RealGas(name)
     rng = np.random.default_rng(1)
-    T = rng.uniform(max(gas.data["T_least"], 230.0), min(480.0, gas.data["T_most"]), 40)
-    rho = rng.uniform(0.002, 0.2, 40) * gas.data["rho_r"]
+    T = rng.uniform(max(gas.data["T_least"], 230.0), min(480.0, gas.data["T_most"]), MOST_POINTS)
+    rho = rng.uniform(0.002, 0.2, MOST_POINTS) * gas.data["rho_r"]
     state = state_of(gas, jnp.asarray(T), jnp.asarray(rho))
     other = coolprop.AbstractState("HEOS", FLUIDS[name][0])
     other.specify_phase(coolprop.iphase_gas)  # the metastable gas as well

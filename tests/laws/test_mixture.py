@@ -58,9 +58,29 @@ def states(fluid, T, rho):
 
 
 @eqx.filter_jit
-def compressed_to(fluid, T, p, p_2):
+def states_and_slopes(fluid, T, rho):
+    """States, and slopes of p, h and s as the first component goes up by mass.
+
+    The others go down in proportion, at constant T and rho. One program gives both.
+    """
+    w = fluid.mass_fractions
+    direction = jnp.concatenate([jnp.ones(1), -w[1:] / (1 - w[0])])
+
+    def state_of(w):
+        state = eqx.tree_at(lambda fluid: fluid.mass_fractions, fluid, w).state(T, rho)
+        return (state.p, state.h, state.s), state
+
+    _, slopes, state = jax.jvp(state_of, (w,), (direction,), has_aux=True)
+    return state, slopes
+
+
+@eqx.filter_jit
+def compressed_to(fluid, T, p, p_2, T_liquid=None):
+    """States before and behind an isentropic compression, and of liquid at the higher pressure."""
     start = fluid.state(T, fluid.density(T, p))
-    return start, fluid.at_entropy(p_2, start.s, start)
+    end = fluid.at_entropy(p_2, start.s, start)
+    liquid = None if T_liquid is None else fluid.liquid(T_liquid, p_2)
+    return start, end, liquid
 
 
 def beside_reference(T, rho):
@@ -76,7 +96,8 @@ def columns(name: str, *keys: str) -> list[np.ndarray]:
 def test_states_agree_with_the_stored_values(mixtures, name):
     fluid = mixtures[name]
     T, rho, p, dh, du, ds = columns(name, "T", "rho", "p", "dh", "du", "ds")
-    everywhere = jax.tree.map(np.asarray, states(fluid, *beside_reference(T, rho)))
+    everywhere, _ = states_and_slopes(fluid, *beside_reference(T, rho))
+    everywhere = jax.tree.map(np.asarray, everywhere)
     zero = pick(everywhere, -1)
     state = pick(everywhere, slice(-1))
     # a liquid's pressure is a difference of terms a thousand times as large
@@ -93,18 +114,10 @@ def test_states_agree_with_the_stored_values(mixtures, name):
 @pytest.mark.parametrize("name", GOLDEN)
 def test_derivatives_to_the_composition_agree_with_complex_steps(mixtures, name):
     """The first component up by mass, the others down in proportion, at constant T and rho."""
-    fluid = mixtures[name]
     T, rho = columns(name, "T", "rho")
-    w = fluid.mass_fractions
-    w = np.asarray(w)
-    direction = np.concatenate([np.ones(1), -w[1:] / (1 - w[0])])
-
-    def of(w):
-        moved = eqx.tree_at(lambda fluid: fluid.mass_fractions, fluid, w)
-        state = moved.state(*beside_reference(T, rho))
-        return state.p[:-1], state.h[:-1] - state.h[-1], state.s[:-1] - state.s[-1]
-
-    _, slopes = jax.jit(lambda w, direction: jax.jvp(of, (w,), (direction,)))(w, direction)
+    _, slopes = states_and_slopes(mixtures[name], *beside_reference(T, rho))
+    dp, dh, ds = map(np.asarray, slopes)
+    slopes = dp[:-1], dh[:-1] - dh[-1], ds[:-1] - ds[-1]
     for slope, key in zip(slopes, ("dp_dw", "dh_dw", "ds_dw"), strict=True):
         (wanted,) = columns(name, key)
         # derivatives change sign along a column
@@ -172,14 +185,13 @@ def test_slopes_of_stored_lines_are_those_of_solved_ones():
 @pytest.mark.parametrize("name", GOLDEN)
 def test_compression_agrees_with_the_stored_values(mixtures, name):
     fluid = mixtures[name]
-
     for row in GOLDEN[name]["compression"]:
-        start, end = compressed_to(fluid, *(jnp.asarray(row[key]) for key in ("T1", "p1", "p2")))
+        keys = [key for key in ("T1", "p1", "p2", "T_bubble") if key in row]
+        start, end, liquid = compressed_to(fluid, *(jnp.asarray(row[key]) for key in keys))
         got = [start.rho, start.kappa, start.speed_of_sound, end.T, end.rho, end.h - start.h]
         wanted = [row[key] for key in ("rho1", "kappa1", "w1", "T2", "rho2", "work")]
         np.testing.assert_allclose(got, wanted, rtol=1e-8)
         if "capacity" in row:
-            liquid = fluid.liquid(jnp.asarray(row["T_bubble"]), jnp.asarray(row["p2"]))
             np.testing.assert_allclose(start.h - liquid.h, row["capacity"], rtol=1e-8)
 
 

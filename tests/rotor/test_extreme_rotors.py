@@ -5,6 +5,7 @@ kind in `test_rotor_beams`.
 """
 
 import time
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -65,6 +66,15 @@ def sag(length, diameter, support, young=YOUNG):
     return stiff + length**3 / (48 * young * second) + length / (4 * kappa * shear * area)
 
 
+@eqx.filter_jit
+@partial(eqx.filter_grad, has_aux=True)
+def slope_of_sag(diameter, model):
+    """Slope of the sag by the diameters, and the response: one program for all proportions."""
+    changed = eqx.tree_at(lambda m: m.shafts[0].outer_diameter, model, diameter)
+    response, moved = middle_response(changed, 4)
+    return moved.real, (response, moved)
+
+
 # ---------------------------------------------------------------- elements of all proportions
 @pytest.mark.parametrize(
     ("length", "diameter"),
@@ -81,18 +91,11 @@ def test_static_sag_from_stubby_to_hair_thin(length, diameter):
     """Length over diameter from 2e-5 to 1e6: elements of the exact deflection have it exactly."""
     stiffest = 1 / sag(length, diameter, np.inf)
     model = line(8, length, diameter, support=stiffest)
-    response, moved = middle_response(model, 4)
+    slope, (response, moved) = slope_of_sag(model.shafts[0].outer_diameter, model)
     assert response.words == "ok"
     # 8 elements; rounding times a condition that the scaled factorisation keeps below 1e6
     assert float(moved.real) == pytest.approx(sag(length, diameter, stiffest), rel=1e-9)
 
-    @jax.jit
-    @jax.grad
-    def slope_of(d):
-        changed = eqx.tree_at(lambda m: m.shafts[0].outer_diameter, model, d)
-        return middle_response(changed, 4)[1].real.sum()
-
-    slope = slope_of(model.shafts[0].outer_diameter)
     # compliance of bending goes with d^-4, of shear with d^-2: the slope lies between the two
     free = float(moved.real) - 0.5 / stiffest
     share = -float(jnp.sum(slope)) * diameter / free

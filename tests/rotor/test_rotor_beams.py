@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,13 +17,17 @@ from jaxcomp.rotor import (
     PointMasses,
     RotorModel,
     ShaftElements,
+    _shaft,
     isotropic,
     matrices,
     shaft_line,
     stepped_shaft,
     undamped_modes,
 )
-from jaxcomp.rotor._shaft import deformation, element_matrices, shaft_mass, shear_coefficient
+from jaxcomp.rotor._shaft import deformation, shaft_mass, shear_coefficient
+
+# one program, where every operation outside of one is compiled by itself
+element_matrices = eqx.filter_jit(_shaft.element_matrices)
 
 LENGTH, OUTER, INNER, YOUNG, DENSITY, POISSON = 0.9, 0.09, 0.03, 2.1e11, 7800.0, 0.3
 STEEL = {"young_modulus": YOUNG, "density": DENSITY, "poisson": POISSON}

@@ -158,10 +158,12 @@ def test_critical_speeds_and_campbell_of_a_pinned_rotor():
 @pytest.mark.parametrize("damping", [None, ModalDamping([0.01, 0.01])])
 def test_free_modes_know_no_pins(damping):
     rotor = dataclasses.replace(beam((0, Pinned()), (LAST, Clamped())), damping=damping)
-    alone = beam()
-    for verb in (undamped_modes, lambda m, n, free: damped_modes(m, 0.0, n, free=free)):
-        found, wanted = verb(rotor, 6, free=True), verb(alone, 6, free=True)
-        np.testing.assert_allclose(found.frequency, wanted.frequency, rtol=1e-6)
+    # at rest and without damping the modes of either verb, of which one lists no rigid motions
+    alone = undamped_modes(beam(), 10, free=True).frequency
+    found = undamped_modes(rotor, 6, free=True).frequency
+    np.testing.assert_allclose(found, alone[:6], rtol=1e-6)
+    found = damped_modes(rotor, 0.0, 6, free=True).frequency
+    np.testing.assert_allclose(found, alone[4:], rtol=1e-6)
 
 
 @pytest.mark.slow

@@ -84,10 +84,11 @@ def test_an_empty_word_is_named():
 @pytest.mark.parametrize("stiffness", [1e16, pytest.param(3e16, marks=pytest.mark.slow), 1e18])
 def test_critical_speeds_on_stiff_springs_are_those_of_a_pinned_rotor(stiffness):
     """From 1e12 N/m on, the springs are a hundred thousand times as stiff as the shaft."""
-    pinned, found = (critical_speeds(rotor(k), 2) for k in (1e12, stiffness))
+    # the number that other tests ask for, which has its program
+    pinned, found = (critical_speeds(rotor(k), 6) for k in (1e12, stiffness))
     # the springs of 1e12 N/m still move by 1e-6 of the disk
-    np.testing.assert_allclose(found.speed, pinned.speed, rtol=1e-5)
-    assert np.all(found.residual < 1e-10)
+    np.testing.assert_allclose(found.speed[:2], pinned.speed[:2], rtol=1e-5)
+    assert np.all(found.residual[:2] < 1e-10)
     assert bool(damped_modes(rotor(stiffness), 100.0, 4).stable)
 
 
@@ -101,6 +102,15 @@ def test_critical_speeds_on_soft_springs_go_with_the_root_of_the_stiffness():
     np.testing.assert_allclose(softer[:2], translation, rtol=1e-9)
 
 
+UNBALANCE = (Unbalances((2,), 1e-4, 0.0),)
+
+
+@eqx.filter_jit
+def traced_status(model):
+    """One program for all rotors of a structure."""
+    return respond(model, UNBALANCE, jnp.array([100.0])).status
+
+
 @pytest.mark.parametrize(
     ("what", "value"),
     [("length", -0.2), ("density", -7850.0), ("inner_diameter", 0.03)],
@@ -109,18 +119,10 @@ def test_a_traced_rotor_out_of_bounds_is_marked(what, value):
     hollow = ShaftElements((1, 2, 3), 0.2, 0.02, 2.06e11, 7850.0, 0.3, inner_diameter=0.004)
     model = eqx.tree_at(lambda m: m.shafts[0], rotor(damping=10.0), hollow)
     place = lambda m: getattr(m.shafts[0], what)  # noqa: E731
-    loads = (Unbalances((2,), 1e-4, 0.0),)
-
-    @jax.jit
-    def status(values):
-        return respond(eqx.tree_at(place, model, values), loads, jnp.array([100.0])).status
-
-    good = place(model)
-    bad = good.at[0].set(value)
-    assert int(status(good)[0, 0]) == 0
-    answer = eqx.tree_at(place, model, bad)
-    assert respond(answer, loads, jnp.array([100.0])).words == [["out of bounds"]]
-    assert int(status(bad)[0, 0]) != 0
+    changed = eqx.tree_at(place, model, place(model).at[0].set(value))
+    assert int(traced_status(model)[0, 0]) == 0
+    assert respond(changed, UNBALANCE, jnp.array([100.0])).words == [["out of bounds"]]
+    assert int(traced_status(changed)[0, 0]) != 0
 
 
 @pytest.mark.slow
@@ -197,13 +199,14 @@ def test_motions_along_and_about_the_shaft_have_no_whirl():
 def test_a_point_without_mass_between_two_springs_may_move_along_one_axis(axes):
     """Two springs in series behind a bearing: half of the stiffness of one."""
     law = diagonal([2e6] * len(axes), [0.0] * len(axes))
-    half = diagonal([1e6] * len(axes), [0.0] * len(axes))
     chain = (Link((2, "f"), law, axes), Link(("f", None), law, axes))
-    loads, speed = (Unbalances((2,), 1e-4, 0.0),), jnp.array([50.0])
+    # one program for all axes: along the others there is a spring without stiffness
+    half = diagonal([1e6 * (axis in axes) for axis in ("ux", "uy")], [0.0, 0.0])
+    speed = jnp.array([50.0])
     ends = rotor(1e6, 1.0).links
     series, single = (
-        respond(RotorModel((SHAFT,), (DISK,), links=(*ends, *more)), loads, speed)
-        for more in (chain, (Link((2, None), half, axes),))
+        respond(RotorModel((SHAFT,), (DISK,), links=(*ends, *more)), UNBALANCE, speed)
+        for more in (chain, (Link((2, None), half, ("ux", "uy")),))
     )
     assert series.words == [["ok"]]
     at = [list(series.nodes).index(node) for node in "123"]

@@ -90,14 +90,18 @@ def single():
     return on_rotor(ONE)
 
 
+@eqx.filter_jit
+def nodal_forces_and_wrench(made, orbit, crank, orders, alone):
+    """Of one program, where every operation outside of one is compiled by itself."""
+    return crank_forces(made, orbit, crank, orders), shaking_wrench(alone, orbit.state)
+
+
 @pytest.mark.parametrize("twin", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_forces_on_the_nodes_add_up_to_the_inertia_of_piston_and_slider(single, twin):
     scene = on_rotor(TWO, more_text=TWIN) if twin else single
     made, case = scene.compressor, assembled(scene.machine).loads
     orbit = solve_orbit(made, Collocation(nodes=6, reversals=0))
     orders = tuple(range(7))
-    found = crank_forces(made, orbit, case.crank, orders)
-    assert len(found.forces) == (6 if twin else 3)
     # piston and slider alone: a crank without mass
     alone = eqx.tree_at(
         lambda c: (
@@ -108,7 +112,8 @@ def test_forces_on_the_nodes_add_up_to_the_inertia_of_piston_and_slider(single, 
         made,
         (jnp.asarray(1e-12), jnp.zeros(2), jnp.zeros(2)),
     )
-    wrench = shaking_wrench(alone, orbit.state)
+    found, wrench = nodal_forces_and_wrench(made, orbit, case.crank, orders, alone)
+    assert len(found.forces) == (6 if twin else 3)
     share = orbit.weight / orbit.state.speed
     phase = orbit.mean_speed * orbit.time - float(made.crankshaft.phase[0])
     waves = np.exp(-1j * np.outer(orders, phase)) * np.where(np.array(orders) == 0, 1, 2)[:, None]
@@ -141,6 +146,12 @@ def test_a_crankshaft_follows_from_its_rotor(single):
     np.testing.assert_array_equal(shaft.position, [0.0])
 
 
+@eqx.filter_jit
+def forces_and_wrench(compressor, state):
+    """Of one program, where every operation outside of one is compiled by itself."""
+    return loads_at(compressor, state).forces, shaking_wrench(compressor, state)
+
+
 def test_one_of_several_on_a_rotor_is_one(single):
     """The unbalance ahead of the pin loads bearings and frame alike by either way."""
     listed = ONE.replace('"pin"\n', '["pin"]\n').replace('"head"\n', '["head"]\n')
@@ -148,12 +159,13 @@ def test_one_of_several_on_a_rotor_is_one(single):
     one = on_rotor(listed, more_text='[[crankshaft.throws]]\nbanks = ["0 deg"]\n\n')
     angle = jnp.linspace(0.1, 6.0, 25)
     state = CrankState(angle, 300.0 + jnp.sin(angle), 500.0 * jnp.cos(angle))
-    first, other = (loads_at(scene.compressor, state).forces for scene in (single, one))
+    (first, of_first), (other, of_other) = (
+        forces_and_wrench(scene.compressor, state) for scene in (single, one)
+    )
     for bearing in ("upper_bearing", "lower_bearing"):
         # explicit but for the couple of the slider, which is closed to rounding
         np.testing.assert_allclose(first[bearing], other[bearing], atol=1e-9)
-    wrenches = [shaking_wrench(scene.compressor, state) for scene in (single, one)]
-    for part, same in zip(*wrenches, strict=True):
+    for part, same in zip(of_first, of_other, strict=True):
         np.testing.assert_allclose(part, same, atol=1e-10 * np.abs(part).max())
 
 

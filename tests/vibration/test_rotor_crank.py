@@ -32,8 +32,12 @@ def orbit(scene):
     return solve_orbit(scene.compressor, Collocation(nodes=24))
 
 
+# one program, where every operation outside of one is compiled by itself
+compiled_crank_forces = eqx.filter_jit(crank_forces)
+
+
 def forces_of(scene, orbit, orders=ORDERS):
-    return crank_forces(scene.compressor, orbit, scene.parts["loads"].crank, orders)
+    return compiled_crank_forces(scene.compressor, orbit, scene.parts["loads"].crank, orders)
 
 
 def harmonics(values, orbit, mechanism, orders=ORDERS):
