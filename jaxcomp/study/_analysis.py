@@ -1,6 +1,7 @@
 r"""The analysis of one design: its options, and results that are computed on first access."""
 
 from functools import cached_property
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -294,6 +295,13 @@ def _needs_trace(quantity: Quantity) -> bool:
     return bool(quantity.family) and quantity.members is None
 
 
+@eqx.filter_jit
+def _values_by_name(design: Machine, quantities: tuple[Quantity, ...]) -> dict[str, Any]:
+    """Values of quantities that a design has; designs of one structure are traced once."""
+    result = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
+    return offered_values(quantities, result)
+
+
 def available_quantities(design: Machine, members: bool = False) -> dict[str, Quantity]:
     """The quantities that a design has, by name.
 
@@ -307,14 +315,9 @@ def available_quantities(design: Machine, members: bool = False) -> dict[str, Qu
         return {quantity.name: quantity for quantity in suiting}
     # Only a trace tells which of these a design has, and the members of a family that lists none.
     traced = [quantity for quantity in suiting if _needs_trace(quantity)]
-
-    def values(design):
-        result = DesignResult(design, AnalysisOptions(Collocation(reversals=0)))
-        return offered_values(traced, result)
-
     shapes = {}
     if traced:
-        shapes = eqx.filter_eval_shape(values, design)
+        shapes = eqx.filter_eval_shape(_values_by_name, design, tuple(traced))
     available = {}
     for quantity in suiting:
         if quantity in traced and quantity.name not in shapes:
