@@ -213,7 +213,9 @@ def _compiled(
 def collected_rarely() -> Iterator[None]:
     """Collect objects rarely while a program is traced."""
     usual = gc.get_threshold()
-    gc.set_threshold(*map(max, usual, RARELY))
+    # a first threshold of zero switches the collector off
+    if usual[0]:
+        gc.set_threshold(*map(max, usual, RARELY))
     try:
         yield
     finally:

@@ -22,7 +22,14 @@ from jaxtyping import Bool, Float
 from .._core.arguments import bounds_by_names
 from .._core.errors import BadInput
 from ._analysis import quantity_named
-from ._problem import Problem, RequestedQuantity, check_traced, name_of, prepared
+from ._problem import (
+    Problem,
+    RequestedQuantity,
+    check_traced,
+    name_of,
+    prepared,
+    without_ranges,
+)
 from ._variables import Variable
 
 Rows: TypeAlias = Float[np.ndarray, "*n variables"]
@@ -141,15 +148,6 @@ class Goal:
         return np.array([limit.side == 0 for limit in self.limits], bool)
 
 
-def _without_ranges(variables: Iterable[Variable]) -> tuple[Variable, ...]:
-    """The variables with the bounds of their numbers as their ranges."""
-    rangeless = []
-    for variable in variables:
-        bound = variable.bound
-        rangeless.append(variable._replace(low=bound.low, high=bound.high))
-    return tuple(rangeless)
-
-
 def goal_of(
     problem: Problem,
     objective: Objective | None,
@@ -188,7 +186,7 @@ def goal_of(
     limits = []
     for quantity, interval in bounds_by_names("constraints", constraints).items():
         limits += _sides(name_of(quantity), place(quantity), *interval)
-    rangeless = _without_ranges(problem.variables)
+    rangeless = without_ranges(problem.variables)
     # Without the ranges, which are the optimiser's business: another range compiles nothing anew.
     complete = Problem(problem.design, rangeless, tuple(quantities), problem.options)
     check_traced(complete)

@@ -264,8 +264,18 @@ def check_traced(problem: Problem) -> None:
 
     To trace a machine takes half a second; problems of one structure are traced once.
     """
+    rangeless = dataclasses.replace(problem, variables=without_ranges(problem.variables))
     point = jax.ShapeDtypeStruct((len(problem.variables),), float)
-    eqx.filter_eval_shape(_answer, problem, point)
+    eqx.filter_eval_shape(_answer, rangeless, point)
+
+
+def without_ranges(variables: Iterable[Variable]) -> tuple[Variable, ...]:
+    """The variables with the bounds of their numbers as their ranges."""
+    rangeless = []
+    for variable in variables:
+        bound = variable.bound
+        rangeless.append(variable._replace(low=bound.low, high=bound.high))
+    return tuple(rangeless)
 
 
 def problem_of(

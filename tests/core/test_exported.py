@@ -1,5 +1,6 @@
 """What was traced is kept for the next process, and nothing that it could not know."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -101,6 +102,26 @@ def test_within_another_program_it_is_the_function(folder, traced):
     slope = jax.grad(lambda n: kept(gas(exponent=n)).exponent ** 2)(1.3)
     assert float(slope) == pytest.approx(2.6, rel=1e-15)  # a product
     assert not traced
+
+
+def test_the_collector_waits_while_a_program_is_traced():
+    """Unless the user has switched it off, and no longer than that."""
+    during = []
+
+    @exported.kept_jit
+    def twice(x):
+        during.append(gc.get_threshold()[0])
+        return 2 * x
+
+    usual = gc.get_threshold()
+    try:
+        for threshold, x in ((700, X), (0, X[:2])):
+            gc.set_threshold(threshold, 10, 10)
+            jax.jit(twice)(x)
+            assert gc.get_threshold() == (threshold, 10, 10)
+    finally:
+        gc.set_threshold(*usual)
+    assert during == [programs.RARELY[0], 0]
 
 
 def test_what_is_no_array_is_told_apart(folder, traced):

@@ -405,3 +405,17 @@ def test_designs_with_derivatives_take_the_panels_that_their_events_need():
     assert own.ok.all()
     np.testing.assert_allclose(own.values, wanted.values, rtol=1e-12)
     np.testing.assert_allclose(own.slope, wanted.slope, rtol=1e-9)
+
+
+def test_problems_of_one_structure_are_traced_once(mayekawa):
+    """Whatever their ranges: to trace a machine takes half a second."""
+    traced = []
+
+    def bore(result):
+        traced.append(result)
+        return result.design.compressor.mechanism.bore
+
+    for high in (0.13, 0.14):
+        made = problem(mayekawa, {"bore_at_displacement": (0.12, high)}, [bore])
+        assert made.variables[0].high == high
+    assert len(traced) == 1
