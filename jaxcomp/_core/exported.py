@@ -278,9 +278,12 @@ class _Flat:
     def lowered(self, entry: bytes | None) -> jax.stages.Lowered:
         """The program before it is compiled, traced by an earlier process if that is kept, or now."""
         if entry is None:
+            # results belong to the device that they were computed on, as those that are read do
+            placement = _placement()
+            placed = [like.update(sharding=placement) for like in self._like()]
             # names of source lines would make what is kept larger by a fourth
             with _without_locations():
-                return self.jitted.lower(*self._like())
+                return self.jitted.lower(*placed)
         result_text, text = pickle.loads(entry)
         self.result_template = pickle.loads(result_text)
         if b"lapack" in text:
@@ -290,6 +293,16 @@ class _Flat:
     def traced(self) -> bytes:
         """The traced program in a form that a later process can read."""
         return bytes(export.export(self.jitted)(*self._like()).serialize())
+
+
+def _placement() -> jax.sharding.SingleDeviceSharding:
+    """On the device on which programs run by default."""
+    name = "jax_default_device"  # which checkers of types do not know
+    device = getattr(jax.config, name)
+    # a device, a platform by its name, or nothing
+    if device is None or isinstance(device, str):
+        device = jax.local_devices(backend=device)[0]
+    return jax.sharding.SingleDeviceSharding(device)
 
 
 def _without_locations() -> contextlib.AbstractContextManager[Any]:
