@@ -132,7 +132,7 @@ def _hole(leaf: Any) -> _Hole | None:
 
 def _program(function: Callable, template: tuple, structure: Any) -> Callable[[list], Any] | None:
     """The program for arguments of one kind, kept before or compiled now; `None` if it cannot be kept."""
-    arrays = _places_of_holes(template)
+    flat = _Flat(function, template, structure)
     try:
         key = _pickled((function, structure.unflatten(template)), _KeyPickler)
         # an address is another one in every process, and would make each key a new one
@@ -142,7 +142,6 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
         compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
         if traced_path is None or compiled_path is None:
             return None
-        flat = _Flat(function, template, structure)
         stored = _read_compiled(compiled_path)
         if stored is None:
             entry = programs.read(traced_path)
@@ -165,7 +164,7 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
 
     def program(leaves):
         filled = list(out)
-        numbers = [leaves[i] for i in arrays]
+        numbers = [leaves[i] for i in flat.places]
         try:
             values = compiled(*numbers)
         except ValueError:  # arrays on another device
@@ -197,10 +196,6 @@ def _places_of_holes(leaves: Sequence[Any]) -> list[int]:
         if isinstance(leaf, _Hole):
             places.append(place)
     return places
-
-
-def _like(hole: _Hole) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(hole.shape, np.dtype(hole.dtype), weak_type=hole.weak)
 
 
 def _tell_of_lapack() -> None:
@@ -243,6 +238,7 @@ class _Flat:
     What is traced then knows nothing of the package's classes.
 
     Attributes:
+        places: of the arrays among the arguments.
         result_template: the result with stand-ins for its arrays, known once the function is traced.
         jitted: the function as a program.
     """
@@ -251,13 +247,13 @@ class _Flat:
         self._function = function
         self._template = template
         self._structure = structure
-        self._places = _places_of_holes(template)
+        self.places = _places_of_holes(template)
         self.result_template: Any = None
         self.jitted = jax.jit(self._of_arrays)
 
     def _of_arrays(self, *arrays):
         filled = list(self._template)
-        for place, array in zip(self._places, arrays, strict=True):
+        for place, array in zip(self.places, arrays, strict=True):
             filled[place] = array
         arguments, named = self._structure.unflatten(filled)
         leaves, out = jax.tree.flatten(self._function(*arguments, **named))
@@ -273,17 +269,25 @@ class _Flat:
         return result_arrays
 
     def _like(self) -> list[jax.ShapeDtypeStruct]:
-        return [_like(self._template[place]) for place in self._places]
+        """Stand-ins for the arrays, on the device that results belong to as well."""
+        placement = _placement()
+        like = []
+        for place in self.places:
+            hole = self._template[place]
+            type_of_number = np.dtype(hole.dtype)
+            like.append(
+                jax.ShapeDtypeStruct(
+                    hole.shape, type_of_number, weak_type=hole.weak, sharding=placement
+                )
+            )
+        return like
 
     def lowered(self, entry: bytes | None) -> jax.stages.Lowered:
         """The program before it is compiled, traced by an earlier process if that is kept, or now."""
         if entry is None:
-            # results belong to the device that they were computed on, as those that are read do
-            placement = _placement()
-            placed = [like.update(sharding=placement) for like in self._like()]
             # names of source lines would make what is kept larger by a fourth
             with _without_locations():
-                return self.jitted.lower(*placed)
+                return self.jitted.lower(*self._like())
         result_text, text = pickle.loads(entry)
         self.result_template = pickle.loads(result_text)
         if b"lapack" in text:

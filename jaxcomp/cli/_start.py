@@ -207,9 +207,9 @@ def one_blas_thread() -> None:
 
 
 def quick_compiles() -> None:
-    """Compile quickly: tracing makes millions of small objects among which there is little to collect.
+    """Compile quickly: objects are collected rarely in the whole command, see `RARELY`.
 
-    A tenth of the time; the package itself tells XLA what saves more (`jaxcomp._core.precision`).
+    The package itself tells XLA what saves more (`jaxcomp._core.precision`).
     """
     from .._core.programs import RARELY
 

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .. import rotor
+from .._core.arguments import single_number
 from .._core.errors import BadInput
 from .._core.exported import kept_jit
 from .._core.fields import is_any_traced
@@ -190,7 +191,12 @@ def damped_modes(
         spin_speed: [rad/s]
         count: of modes.
         options: of `jaxcomp.rotor.damped_modes`.
+
+    Raises:
+        BadInput: as `jaxcomp.rotor.damped_modes`.
     """
+    # refused before the crank is solved for the loads of the films
+    spin_speed = single_number("spin_speed", spin_speed)
     film_speeds: Any = spin_speed
     # as in `undamped_modes`: without links no crank has to be solved
     if options.get("free", False):

@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from jaxcomp import (
     BadInput,
     Collocation,
+    Compressor,
+    Machine,
     Shooting,
     load,
     loads,
@@ -19,7 +21,11 @@ from jaxcomp import (
     solve_orbit,
 )
 from jaxcomp.cli import app
+from jaxcomp.crankshaft import Crankshaft
+from jaxcomp.cylinder import Cylinder, DischargeLine, SuctionLine
+from jaxcomp.fluid import PerfectGas
 from jaxcomp.machine import machine_of
+from jaxcomp.motor import ConstantSpeed
 from jaxcomp.plot import sensitivity_bars
 from jaxcomp.scene import with_values
 from jaxcomp.study import AnalysisOptions, _sensitivity
@@ -175,57 +181,27 @@ def test_errors_of_derivatives_are_refused_where_nothing_has_nodes():
         sensitivity(load("mayekawa-wbhe"), options=options, verify=True)
 
 
-# The reeds of r290-6cc on a perfect gas and at a held speed, whose programs are a third as large. At
-# 2400 rpm they touch seats and stops more often than the smallest size of the cycle has room for.
-MANY_EVENTS = """
-[mechanism]
-type = "slider_crank"
-bore = "21 mm"
-crank_radius = "8.5 mm"
-conrod_length = "42 mm"
-piston_mass = "40 g"
-conrod_mass = "25 g"
-[crankshaft]
-inertia = "8e-4 kg m^2"
-[motor]
-type = "constant_speed"
-mean_speed = "2400 rpm"
-[gas]
-type = "cylinder"
-clearance_ratio = "2.2 %"
-[gas.fluid]
-type = "perfect_gas"
-gas_constant = "188.6 J/(kg K)"
-kappa = 1.13
-[gas.suction]
-pressure = "2.17 bar"
-temperature = "323 K"
-[gas.discharge]
-pressure = "18.8 bar"
-[gas.suction_valve]
-type = "reed"
-mass = "0.12 g"
-stiffness = "350 N/m"
-damping = "0.02 N s/m"
-stop = "1.3 mm"
-port_diameter = "7 mm"
-port_length = "7 mm"
-[gas.discharge_valve]
-type = "reed"
-mass = "0.1 g"
-stiffness = "900 N/m"
-damping = "0.03 N s/m"
-preload = "0.05 mm"
-stop = "0.9 mm"
-port_diameter = "5 mm"
-port_length = "6 mm"
-"""
+def reeds_of_many_events():
+    """The reeds of `r290-6cc` on a perfect gas and at a held speed: programs a third as large.
+
+    At 2400 rpm they touch seats and stops more often than the smallest size of the cycle has room for.
+    """
+    bundled = load("r290-6cc").compressor
+    gas = Cylinder(
+        PerfectGas(188.6, 1.13),
+        SuctionLine(2.17e5, 323.0),
+        DischargeLine(18.8e5),
+        *bundled.gas.valves,
+        bundled.gas.clearance_ratio,
+    )
+    shaft = Crankshaft(bundled.crankshaft.inertia)
+    return Compressor(bundled.mechanism, shaft, ConstantSpeed(2400 * np.pi / 30), gas)
 
 
 # Compiles the derivative of a machine with valves in two sizes.
 @pytest.mark.slow
 def test_a_machine_with_many_events_of_its_valves_has_derivatives(monkeypatch):
-    scene = loads(MANY_EVENTS)
+    compressor = reeds_of_many_events()
     fits = []
 
     def recorded(problem):
@@ -235,7 +211,7 @@ def test_a_machine_with_many_events_of_its_valves_has_derivatives(monkeypatch):
 
     solved = _sensitivity._solved
     monkeypatch.setattr(_sensitivity, "_solved", recorded)
-    slopes = sensitivity(scene, ["gas_power"])
+    slopes = sensitivity(Machine(compressor), ["gas_power"])
     assert fits == [False, True]
     assert slopes.ok
     place = slopes.numbers.index("mechanism.crank_radius")
@@ -243,7 +219,7 @@ def test_a_machine_with_many_events_of_its_valves_has_derivatives(monkeypatch):
 
     def power(radius):
         machine = eqx.tree_at(
-            lambda compressor: compressor.mechanism.crank_radius, scene.compressor, radius
+            lambda compressor: compressor.mechanism.crank_radius, compressor, radius
         )
         return float(solve_orbit(machine).gas_power)
 
