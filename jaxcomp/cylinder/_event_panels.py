@@ -192,10 +192,15 @@ def point_angles(edges, nodes: int):
 
 
 def at_points(function, mesh: Mesh, z: Unknowns):
-    """A function of angle, state and branches at all points of all panels."""
+    """A function of angle, state and branches at all points of all panels.
+
+    The points of all panels are one axis: a second axis would have each operation traced twice.
+    """
     angle, _ = point_angles(z.edges, z.points.shape[1] - 1)
-    along = jax.vmap(function, in_axes=(0, 0, None))
-    return jax.vmap(along)(angle, z.points, mesh.flags)
+    flags = jnp.repeat(mesh.flags, angle.shape[1], axis=0)
+    states = z.points.reshape(angle.size, -1)
+    values = jax.vmap(function)(angle.ravel(), states, flags)
+    return jax.tree.map(lambda value: value.reshape(*angle.shape, *value.shape[1:]), values)
 
 
 class SolvedPressure(AbstractGas):
