@@ -10,7 +10,6 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 # [-] Over the largest sum: what lies nearer is the same point.
 _SAME_POINT = 1e-11
@@ -75,6 +74,8 @@ class WeightSums:
     """
 
     def __init__(self, choices: Choices, limit: int):
+        from scipy.spatial import KDTree  # a tenth of a second, for those who choose weights
+
         self.choices = choices
         listed = _listed(choices, choices.most_weights, limit)
         self.paired = listed is None

@@ -1,7 +1,7 @@
 r"""The analysis of one design: its options, and results that are computed on first access."""
 
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,8 +15,6 @@ from .._core.fields import admissible
 from .._core.registry import Quantity, is_external, offered_values, registered, registered_quantity
 from .._core.status import Status
 from .._core.words import nearest, one_of
-from ..balancing import least_squares
-from ..balancing._influence import Influence, flexibilities, influence_of
 from ..compressor import Compressor
 from ..crank import (
     Collocation,
@@ -35,16 +33,14 @@ from ..cylinder._several import of_each
 from ..friction._joint_loads import magnitude
 from ..machine import Assembly, Machine, assembled
 from ..vibration import Wrench, shaking_wrench
-from ..vibration._coupling import CrankLoads
 from ._analysis_options import AnalysisOptions
 from ._ideal_delivery import IdealDelivery, ideal_delivery
-from ._rotor_response import (
-    Vibration,
-    all_crank_loads,
-    known_vibration,
-    places_of,
-    vibration_of,
-)
+
+# what answers for a rotor is imported where it is used: to import it takes as long as to solve a crank
+if TYPE_CHECKING:
+    from ..balancing._influence import Influence
+    from ..vibration._coupling import CrankLoads
+    from ._rotor_response import Vibration
 
 SHAKING_ORDERS = (1, 2, 3, 4, 6)  # of the revolution, which shaking forces and couples are told of
 
@@ -109,21 +105,28 @@ class DesignResult:
         return shaking_wrench(self._compressor, self.orbit.state)
 
     @cached_property
-    def crank_loads(self) -> CrankLoads:
+    def crank_loads(self) -> "CrankLoads":
         """Loads of the crank on the rotor at the balancing speeds; it is solved once at each."""
+        from ._rotor_response import all_crank_loads
+
         orders = tuple(dict.fromkeys((*self.options.orders, 1)))
         return all_crank_loads(self.assembly, self.options, orders)
 
     @cached_property
-    def vibration(self) -> Vibration:
+    def vibration(self) -> "Vibration":
         """Harmonic response of the rotor at the speeds of its balancing planes."""
+        from ._rotor_response import known_vibration, vibration_of
+
         if self.options.known is not None:
             return known_vibration(self.assembly, self.options, self.options.known)
         return vibration_of(self.assembly, self.crank_loads, self.options.orders)
 
     @cached_property
-    def influence(self) -> Influence:
+    def influence(self) -> "Influence":
         """Influence coefficients at order 1, with the vibration as the corrections stand."""
+        from ..balancing._influence import flexibilities, influence_of
+        from ._rotor_response import places_of
+
         places = places_of(self.assembly)
         answer = flexibilities(self.assembly, self.crank_loads, places, places.speeds)
         return influence_of(answer, places, places.speeds)
@@ -216,6 +219,8 @@ class DesignResult:
     @property
     def vibration_of_targets(self) -> dict[str, Float[Array, ""]]:
         """[m] Root mean square amplitude by target."""
+        from ._rotor_response import places_of
+
         targets = places_of(self.assembly).targets
         axes = [len(target.axes) for target in targets]
         names = np.repeat([target.name for target in targets], axes)
@@ -228,6 +233,8 @@ class DesignResult:
     @property
     def balanced_vibration(self) -> Float[Array, ""]:
         """[m] `vibration_of_all` at order 1 after the least-squares correction of this design."""
+        from ..balancing import least_squares
+
         influence = self.influence
         residual = influence.weight * influence.vibration(least_squares(influence).correction)
         return jnp.sqrt(jnp.sum(jnp.abs(residual) ** 2) / jnp.sum(influence.weight**2))
@@ -240,6 +247,8 @@ class DesignResult:
     @property
     def weights(self) -> Float[Array, " rows"]:
         """[-] of the rows of `vibration.targets`."""
+        from ._rotor_response import places_of
+
         weights = []
         for target in places_of(self.assembly).targets:
             weights += [jnp.asarray(target.weight)] * len(target.axes)
@@ -259,6 +268,8 @@ def balanced_design(design: Machine, options: AnalysisOptions) -> Machine:
         design: a machine with a rotor and correction planes.
         options: of the analysis whose vibration is balanced.
     """
+    from ..balancing import least_squares
+
     # Least squares finds the whole correction, so that none may be in place.
     no_corrections = {name: jnp.zeros(2) for name in design.corrections}
     uncorrected = eqx.tree_at(lambda d: d.corrections, design, no_corrections)
