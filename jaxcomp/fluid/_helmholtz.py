@@ -94,6 +94,13 @@ def arrays(tree: Any) -> Any:
 
 
 @cache
+def transport_tables(name: str) -> np.ndarray:
+    """(2, rows, columns) coefficients of viscosity [Pa s] and conductivity [W/(m K)], see `polynomials`."""
+    fit = fluid_data(name)["transport"]
+    return np.stack([fit["viscosity"], fit["conductivity"]])
+
+
+@cache
 def saturation_curve(name: str, line: str = "dew") -> tuple[np.ndarray, np.ndarray]:
     """[K] and logarithms of [Pa] along the dew or bubble line; straight between them it errs by 1 mK."""
     data = fluid_data(name)
@@ -115,11 +122,25 @@ def ancillary_pressure(curve: dict, T) -> np.ndarray:
     return curve["reducing_value"] * np.exp(ratio * total)
 
 
-def poly(table: np.ndarray, x, y):
-    rows = [jnp.polyval(jnp.asarray(row[::-1]), y) for row in table]
-    total = rows[-1]
-    for row in rows[-2::-1]:
-        total = total * x + row
+def polynomials(tables: np.ndarray, x, y):
+    """Values of polynomials in two variables.
+
+    Args:
+        tables: (k, rows, columns) coefficients of x to the power of the row and y to that of the column.
+        x, y: of one shape.
+
+    Returns:
+        (k, *shape)
+    """
+    # along y for all rows at once: a program is the smaller, and each step is one of a short row
+    shape = tables.shape[:2] + (1,) * jnp.ndim(y)
+    columns = [tables[..., power].reshape(shape) for power in range(tables.shape[2])]
+    rows = columns[-1]
+    for column in columns[-2::-1]:
+        rows = rows * y + column
+    total = rows[:, -1]
+    for power in range(tables.shape[1] - 2, -1, -1):
+        total = total * x + rows[:, power]
     return total
 
 

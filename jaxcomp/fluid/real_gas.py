@@ -21,9 +21,10 @@ from ._helmholtz import (
     fluid_data,
     fluids,
     ideal_terms,
-    poly,
+    polynomials,
     residual_terms,
     saturation_curve,
+    transport_tables,
 )
 from ._real import NEAR_SATURATION, AbstractRealGas, state_of_terms, tools_for
 from .mixture import Mixture
@@ -153,7 +154,8 @@ class RealGas(AbstractRealGas):
         # beyond the range of the fit its values at the end: a polynomial is no guide out there
         x = clip(T, *fit["T"]) / data["T_r"]
         y = clip(rho, 0.0, fit["rho_most"]) / data["rho_r"]
-        return poly(fit["viscosity"], x, y), poly(fit["conductivity"], x, y)
+        viscosity, conductivity = polynomials(transport_tables(self.name), x, y)
+        return viscosity, conductivity
 
     def is_wet(self, T, rho):
         data = self.data
