@@ -95,7 +95,7 @@ def arrays(tree: Any) -> Any:
 
 @cache
 def transport_tables(name: str) -> np.ndarray:
-    """(2, rows, columns) coefficients of viscosity [Pa s] and conductivity [W/(m K)], see `polynomials`."""
+    """(2, rows, columns) for `polynomials`: viscosity [Pa s] and conductivity [W/(m K)]."""
     fit = fluid_data(name)["transport"]
     return np.stack([fit["viscosity"], fit["conductivity"]])
 

@@ -4,7 +4,7 @@ r"""Error against run time for 1, 2, 4 and 8 cylinders, and how the cost grows w
 """
 
 from collections.abc import Sequence
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import MeanSpeed
 from jaxcomp.study.accuracy._orbit_study import orbit_reference
 from jaxcomp.study.accuracy._report import Measurement
-from jaxcomp.study.accuracy._study import Question, SolverProgram, Study
+from jaxcomp.study.accuracy._study import Question, SolverProgram, Study, computed_once
 
 # Layouts that fire evenly but for the twin.
 LAYOUTS = {1: "single", 2: "V90", 4: "V90x2", 8: "VV45x2"}
@@ -54,7 +54,7 @@ def cylinders_study(question: Question, thorough: bool) -> Study:
     for count, layout in LAYOUTS.items():
         one = question._replace(design=Machine(with_layout(question.compressor, layout)))
         task = f"{count} cylinder{'s' if count > 1 else ''}"
-        options: Any = {"task": task, "reference": cache(partial(orbit_reference, one))}
+        options: Any = {"task": task, "reference": computed_once(partial(orbit_reference, one))}
         for nodes in _NODES_OF_CYLINDERS[thorough]:
             program = SolverProgram(one, Collocation(nodes=nodes, reversals=0))
             label = f"nodes={nodes} reversals=0"

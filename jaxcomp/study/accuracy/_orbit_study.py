@@ -49,6 +49,7 @@ from ._study import (
     Solved,
     SolverProgram,
     Study,
+    computed_once,
     digits,
     median_time,
     series,
@@ -141,8 +142,9 @@ def orbit_reference(question: Question, second: SolverProgram | None = None) -> 
     """
     solver, tolerance, name = other_method(question)
     fine = SolverProgram(question, question.fine_solver)
-    other = (second or SolverProgram(question, solver)).value(tolerance)
+    # collocation first: where it finds none, shooting need not compile, which takes several times longer
     value = fine.value(FINE_TOLERANCE)
+    other = (second or SolverProgram(question, solver)).value(tolerance)
     loose = float(fine.call(0.1).run().value)
     # both methods have the cycle of valves to 1e-12, of which the settings have errors
     rounding = _ROUNDINGS
@@ -318,7 +320,7 @@ def quantities_study(question: Question, thorough: bool) -> Study:
     fine = SolverProgram(question, question.fine_solver, names)
     other = SolverProgram(question, solver, names)
 
-    @cache
+    @computed_once
     def values():
         """By the fine solver, and by the second method; what cancels in a balanced machine is zero."""
         table = np.array([fine.value(FINE_TOLERANCE), other.value(tolerance)])

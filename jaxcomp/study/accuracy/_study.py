@@ -8,8 +8,8 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Iterable
-from functools import cached_property, partial
-from typing import Any, Literal, NamedTuple
+from functools import cache, cached_property, partial
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -38,6 +38,8 @@ ROTOR_QUANTITIES = ("vibration", "balanced_vibration", "mount_force")
 _WATCHED = 0.15
 _LONG = 2.0
 _LEAST = 3
+
+Value = TypeVar("Value")
 
 
 class Program:
@@ -376,6 +378,26 @@ def answer(design: Machine, options: AnalysisOptions, names: str | tuple[str, ..
         iterations = result.orbit.iterations
         status = result.orbit.status
     return Solved(value=value, iterations=iterations, ok=result.ok, status=status)
+
+
+def computed_once(compute: Callable[[], Value]) -> Callable[[], Value]:
+    """The function with its value, or the refusal in place of one, kept from the first call on."""
+
+    # `functools.cache` forgets what was raised, and a reference without a value takes as long as any
+    @cache
+    def outcome() -> Value | BadInput:
+        try:
+            return compute()
+        except BadInput as refusal:
+            return refusal
+
+    def value() -> Value:
+        result = outcome()
+        if isinstance(result, BadInput):
+            raise result
+        return result
+
+    return value
 
 
 def known_value(question: Question, solved: Solved) -> Any:
