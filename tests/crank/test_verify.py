@@ -117,7 +117,6 @@ def test_default_orbits_of_several_cylinders_are_confirmed(name):
 
 
 def test_a_batch_of_twins_is_marched_within_a_program():
-    # with journals alone, which is all that a march of several cylinders needs
     twin = load("refrigeration-twin").as_compressor()
 
     @jax.jit
