@@ -317,33 +317,3 @@ def without_drawing(patch):
 
     patch.setattr("matplotlib.figure.Figure.savefig", save_nothing)
     patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)
-
-
-@eqx.filter_jit
-def _read_orbit(compressor, solver, read):
-    orbit = solve_orbit(compressor, solver, throw=False)
-    return read(orbit), orbit.status
-
-
-def read_orbit(compressor, solver, read):
-    """What a function takes from a converged orbit, by a program that computes no more than that."""
-    values, status = _read_orbit(compressor, solver, read)
-    assert status == Status.converged
-    return values
-
-
-class OrbitReading(NamedTuple):
-    """Accounts and speeds of an orbit, which are half of the program of a whole one."""
-
-    energy: Any
-    mean_speed: Any
-    speed_fluctuation: Any
-
-    @property
-    def mechanical_efficiency(self):
-        return self.energy.mechanical_efficiency
-
-
-def orbit_reading(orbit) -> OrbitReading:
-    """For `read_orbit`; tests that share it share its programs."""
-    return OrbitReading(orbit.energy, orbit.mean_speed, orbit.speed_fluctuation)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from benchmarks.layouts import growth, with_layout
 from crank.test_several_cylinders import COARSE, LAYOUTS, TWO, layout, losses, several
-from helpers import orbit_reading, read_orbit
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
@@ -48,7 +47,7 @@ def test_cylinders_with_a_share_of_everything_are_one():
     together = dataclasses.replace(throws.throws[0], rod_pitch=0.0)
     crankshaft = dataclasses.replace(throws, throws=(together,))
     three = dataclasses.replace(one, mechanism=mechanism, crankshaft=crankshaft)
-    found, wanted = (read_orbit(made, COARSE, orbit_reading) for made in (three, one))
+    found, wanted = solve_orbit(three, COARSE), solve_orbit(one, COARSE)
     # the solver converges to 1e-13; areas of three bores sum to one to rounding
     assert float(found.mechanical_efficiency) == pytest.approx(
         float(wanted.mechanical_efficiency), abs=1e-12
@@ -70,8 +69,7 @@ def test_swapped_cylinders_change_nothing():
         shaft = dataclasses.replace(shaft, throws=(throw,))
         made = several([(0.0, 0.0, list(banks), -0.4)], crankshaft=shaft)
         mechanism = dataclasses.replace(made.mechanism, bore=bores[order])
-        made = dataclasses.replace(made, mechanism=mechanism)
-        return read_orbit(made, COARSE, orbit_reading)
+        return solve_orbit(dataclasses.replace(made, mechanism=mechanism), COARSE)
 
     one, other = solved([0, 1, 2]), solved([2, 1, 0])
     # sums in another order, and a revolution that begins at another top dead centre
@@ -87,8 +85,9 @@ def test_swapped_cylinders_change_nothing():
 
 
 def test_without_friction_nothing_is_lost():
-    bare = several(LAYOUTS[4], friction=None, crankshaft=layout(LAYOUTS[4], None))
-    orbit = read_orbit(bare, COARSE, orbit_reading)
+    orbit = solve_orbit(
+        several(LAYOUTS[4], friction=None, crankshaft=layout(LAYOUTS[4], None)), COARSE
+    )
     assert float(orbit.mechanical_efficiency) == pytest.approx(1.0, abs=1e-13)
     # quadrature with 6 nodes on a panel
     assert float(orbit.energy.gas_work) == pytest.approx(4 * WORK, rel=1e-5)
@@ -97,19 +96,15 @@ def test_without_friction_nothing_is_lost():
 def test_moments_about_the_shaft_balance_at_every_instant():
     """Walls, motor and friction of the main bearings are what the moving parts push the frame with."""
     made = several([(0.0, -0.1, [-40.0, 30.0], -0.5), (170.0, 0.1, [-45.0], -0.3)])
-
-    def read(orbit):
-        rod = rod_motion(made.mechanism, made.crankshaft.own_angle(orbit.state.angle))
-        walls = jnp.stack([orbit.loads.forces[f"wall_{k}"][1] for k in (1, 2, 3)])
-        torques = orbit.loads.loss_torque, orbit.motor_torque
-        return rod, walls, torques, shaking_wrench(made, orbit.state)
-
-    # as one program, which computes no more than this
-    rod, walls, (lost, motor_torque), wrench = read_orbit(made, COARSE, read)
+    orbit = solve_orbit(made, COARSE)
+    rod = rod_motion(made.mechanism, made.crankshaft.own_angle(orbit.state.angle))
+    walls = jnp.stack([orbit.loads.forces[f"wall_{k}"][1] for k in (1, 2, 3)])
+    lost = orbit.loads.loss_torque
     # the rod turns at minus the rate of its tilt and drags the piston along, which leans on the wall
     pins = jnp.stack([lost[f"piston_pin_{k}"] for k in (1, 2, 3)]) / rod.tilt_1
     friction = sum(m for name, m in lost.items() if name.startswith("main"))
-    frame = -jnp.sum(rod.position * walls + pins, axis=0) - motor_torque + friction
+    frame = -jnp.sum(rod.position * walls + pins, axis=0) - orbit.motor_torque + friction
+    wrench = wrench_of(made, orbit.state)
     # torques of 1 kN m; the collocation equations hold to 1e-13 of that
     np.testing.assert_allclose(frame, wrench.moment[2], atol=1e-8)
 

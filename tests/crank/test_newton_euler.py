@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 from crank.test_several_cylinders import TWO, several
-from helpers import orbit_reading, read_orbit
 from reference_cylinders import Cylinders
 
+from jaxcomp import solve_orbit
 from jaxcomp.crank import Collocation
 
 # Machines as (throws, lists of the mechanism): angle, place, banks [deg] and unbalance of every throw.
@@ -60,8 +60,7 @@ def test_losses_and_speed_are_those_of_newton_and_euler(name):
     throws, lists = CASES[name]
     made = several(throws)
     made = dataclasses.replace(made, mechanism=dataclasses.replace(made.mechanism, **lists))
-    solver = Collocation(nodes=10, reversals=made.load_reversals)
-    orbit = read_orbit(made, solver, orbit_reading)
+    orbit = solve_orbit(made, Collocation(nodes=10, reversals=made.load_reversals))
     efficiency, fluctuation, losses = twin_of(made).solved()
     # of the other program, by twice its points: 4e-9 of the efficiency, 5e-8 of the fluctuation
     assert float(orbit.mechanical_efficiency) == pytest.approx(efficiency, abs=1e-8)

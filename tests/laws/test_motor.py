@@ -2,11 +2,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers import machine, orbit_reading, read_orbit
+from helpers import machine
 
-from jaxcomp import Collocation, Shooting, load
+from jaxcomp import Collocation, Shooting, load, solve_orbit
 from jaxcomp._core.fields import replaced
-from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.motor import ConstantSpeed, ConstantTorque, Kloss, MeanSpeed, SlipLine
 from jaxcomp.scene import with_values
 
@@ -57,11 +56,8 @@ def test_kloss_is_a_slip_line_near_the_synchronous_speed():
 def test_slip_line_turns_a_machine_without_friction():
     """Nothing is lost; the two solvers share no more than the laws."""
     frictionless = machine(motor=SlipLine(20.0, 110.0), friction=None)
-    # programs that compute no more than is looked at
-    found = read_orbit(frictionless, Collocation(), lambda o: (orbit_reading(o), o.loss_error))
-    marched = read_orbit(frictionless, Shooting(), orbit_reading)
-    found, loss_error = found
-    assert loss_error == {}
+    found, marched = (solve_orbit(frictionless, solver) for solver in (Collocation(), Shooting()))
+    assert found.loss_error == {}
     # shooting closes to 1e-9
     np.testing.assert_allclose(found.mechanical_efficiency, 1.0, rtol=1e-12)
     np.testing.assert_allclose(found.mean_speed, marched.mean_speed, rtol=1e-7)
@@ -75,8 +71,7 @@ def test_a_stiff_motor_is_the_limit_of_constant_speed(slip):
         load("mayekawa-wbhe"), {"motor": {**kloss, "synchronous_speed": "1000 rpm"}}
     ).compressor
     held = replaced(machine, motor=ConstantSpeed(machine.motor.synchronous_speed))
-    solver = default_collocation(held)
-    stiff, constant = (read_orbit(made, solver, orbit_reading) for made in (machine, held))
+    stiff, constant = solve_orbit(machine), solve_orbit(held)
     # the swing of the speed, a tenth of the pull-out slip, moves the efficiency by 2e-4 of the slip
     assert float(stiff.mechanical_efficiency) == pytest.approx(
         float(constant.mechanical_efficiency), abs=1e-9 + 3e-4 * slip
