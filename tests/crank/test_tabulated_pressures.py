@@ -10,7 +10,7 @@ from helpers import machine, status_of
 from scipy.interpolate import CubicHermiteSpline
 
 from jaxcomp import CrankAngleTable, PolytropicCycle, VolumeTable, solve_orbit
-from jaxcomp.compressor import stroke_at
+from jaxcomp.compressor import kink_angles, stroke_at
 from jaxcomp.crank._collocation import default_collocation
 from jaxcomp.gas import FourierDiagram
 from jaxcomp.gas._gas_law import EachGas
@@ -24,6 +24,9 @@ CYCLE = PolytropicCycle(98e3, 980e3, 1.2, 0.03, 98e3)
 def pressure_over_angle(compressor, gas, angle):
     """[Pa] In the cylinder of a machine with another cycle."""
     return gas.pressure(stroke_at(compressor, angle))[0]
+
+
+kinks_of = jax.jit(kink_angles)
 
 
 @jax.jit
@@ -82,18 +85,31 @@ def test_a_diagram_over_the_angle_keeps_its_work(points):
     assert float(orbit.gas_work_error) < 1e-6 * exact
 
 
-@pytest.mark.parametrize("points", [180, 181], ids=["open", "closed"])
-def test_a_diagram_as_instruments_write_it_has_the_work_of_its_curve(points):
-    """The template's cycle every 2 degrees, to 1e-4 bar: 17.6447 J by the periodic cubic."""
+def of_instruments(points):
+    """The template's machine with its cycle every 2 degrees, to 1e-4 bar."""
     template = loads(start("slider-crank", "my-machine")).compressor
     degrees = np.arange(0, 2 * points, 2)
     angle = jnp.asarray(np.deg2rad(degrees % 360))
     bar = np.round(np.asarray(pressure_over_angle(template, template.gas, angle)) / 1e5, 4)
     table = CrankAngleTable(np.deg2rad(degrees), 1e5 * bar, 98e3)
     # the joints of the machine above, of which the work of the gas knows nothing
-    made = dataclasses.replace(machine(gas=table), mechanism=template.mechanism)
-    orbit = solve_orbit(made)
+    return dataclasses.replace(machine(gas=table), mechanism=template.mechanism)
+
+
+def test_a_diagram_as_instruments_write_it_has_the_work_of_its_curve():
+    """Closed by the first point once more, and open: 17.6447 J by the periodic cubic."""
+    closed = of_instruments(181)
+    orbit = solve_orbit(closed)
     assert float(orbit.energy.gas_work) == pytest.approx(17.6447, abs=5e-5)
+    # one curve with the same kinks, which the same default solver takes at the nodes of that orbit
+    made = of_instruments(180)
+    pressures = [
+        np.asarray(pressure_over_angle(one, one.gas, orbit.state.angle)) for one in (made, closed)
+    ]
+    np.testing.assert_allclose(*pressures, rtol=1e-12)
+    edges = [np.unique(np.asarray(kinks_of(one)).round(12)) for one in (made, closed)]
+    np.testing.assert_array_equal(*edges)
+    assert default_collocation(made) == default_collocation(closed)
 
 
 def test_a_diagram_over_the_volume_keeps_its_work():

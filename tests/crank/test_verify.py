@@ -11,7 +11,8 @@ import pytest
 from helpers import machine
 
 from jaxcomp import Collocation, Shooting, SolveFailed, TimeIntegration, load, solve_orbit
-from jaxcomp.crank._verify import march_options, verification
+from jaxcomp.crank._solve_orbit import _verification
+from jaxcomp.crank._verify import march_options
 from jaxcomp.motor import ConstantSpeed, SlipLine
 from jaxcomp.study import steady_state
 
@@ -69,10 +70,12 @@ def test_a_coarse_orbit_closes_its_energy_all_the_same(pair):
 )
 def test_march_finds_what_was_tampered_with(pair, change, found):
     compressor = load("mayekawa-wbhe").compressor
-    orbit = pair[1]
+    orbit = dataclasses.replace(pair[0], verification=None)
     where, value = change(orbit)
     spoilt = eqx.tree_at(where, orbit, value)
-    march = jax.jit(verification, static_argnums=2)(compressor, spoilt, march_options())
+    # the program of the coarse orbit's own march, whose errors are there as well
+    march = _verification(compressor, spoilt, march_options())
+    march = jax.tree.map(lambda a, b: a - b, march, pair[0].verification)
     size = {
         "speed_error": abs(float(march.closure)),
         "wall": float(march.loss_error["wall"] / orbit.energy.losses["wall"]),
