@@ -18,7 +18,7 @@ HEATED = ["delivered_mass", "delivery_temperature"]
 # load reversal or a node would add, or an estimate of errors, is nothing to it.
 SOLVER = Collocation(nodes=8, reversals=0, estimate=False)
 SMOOTH = laws()
-# Temperature and gas constant of the inlet, which single cylinders have all, so that they share a program.
+# Temperature and gas constant of the inlet: all single cylinders have them, and share a program.
 INLET = 300.0, 287.0
 
 
@@ -111,8 +111,8 @@ def passed_on(two_stages):
 
 def test_stages_name_the_pressure_between_them(two_stages, passed_on):
     """Equal flows: V1 (1 + c1 - c1 r1^(1/n)) p0 = V2 (1 + c2 - c2 r2^(1/n)) p1."""
-    for machine in (Machine(two_stages), load("two-stage-crosshead").machine):
-        assert "stage_pressure.1" in available_quantities(machine, members=True)
+    for design in (Machine(two_stages), load("two-stage-crosshead").machine):
+        assert "stage_pressure.1" in available_quantities(design, members=True)
     gas, mechanism = two_stages.gas, two_stages.mechanism
     assert isinstance(gas, StagedCycle)
     area, stroke = np.asarray(mechanism.piston_area), np.asarray(mechanism.stroke)
