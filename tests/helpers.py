@@ -317,3 +317,9 @@ def without_drawing(patch):
 
     patch.setattr("matplotlib.figure.Figure.savefig", save_nothing)
     patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)
+
+
+def briefly_timed(patch):
+    """Let studies of accuracy take each time from one call, for tests of all else that they tell."""
+    patch.setattr("jaxcomp.study.accuracy._study._WATCHED", 0.0)
+    patch.setattr("jaxcomp.study.accuracy._study._LEAST", 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import briefly_timed, read_json
 from typer.testing import CliRunner
 
 from jaxcomp.cli import app
@@ -23,7 +23,10 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def film(folder):
     """The quickest study: films have no orbit to compile."""
-    result = run("mayekawa-wbhe", "--study", "film", "--error", "1e-3", "--json", "--out", folder)
+    asked = ("mayekawa-wbhe", "--study", "film", "--error", "1e-3", "--json", "--out", folder)
+    with pytest.MonkeyPatch.context() as patch:
+        briefly_timed(patch)
+        result = run(*asked)
     assert result.exit_code == 0, result.output
     return read_json(result.stdout)
 

@@ -47,7 +47,7 @@ def mayekawa():
 
 
 def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, mayekawa, tmp_path):
-    """In run with its report, sweep, optimise, completion and list, in the unit that people use."""
+    """In run with its report, completion and list, in the unit that people use."""
     orbit = solve_orbit(mayekawa.as_compressor())
     share = float(orbit.friction_power / orbit.gas_power)
     percent = f"{100 * share:.2f} %"
@@ -68,17 +68,35 @@ def test_a_quantity_that_is_registered_once_is_seen_everywhere(friction_share, m
     assert "Friction share" in report
     written = read_json(files["result.json"].decode())
     assert written["friction_share"] == pytest.approx(share, rel=1e-14)
-    over = ("--over", "bore_at_displacement=120mm,130mm", "--quantity", "friction_share")
+    assert "Friction power over indicated power." in invoke("list", "--quantities")
+
+
+def test_a_registered_quantity_of_the_design_is_swept_and_optimised(friction_share, mayekawa):
+    """Beside one of the orbit; that built in ones of the orbit are swept is seen elsewhere."""
+    del friction_share  # which puts the registry back
+    shape = register_quantity(
+        "throw_share",
+        lambda result: (
+            result.design.compressor.mechanism.crank_radius
+            / result.design.compressor.mechanism.bore
+        ),
+        better="less",
+        doc="Crank radius over bore.",
+        percent=True,
+    )
+    assert available_quantities(mayekawa.machine)["throw_share"] == shape
+    mechanism = mayekawa.machine.compressor.mechanism
+    percent = f"{100 * float(mechanism.crank_radius / mechanism.bore):.4g}"
+    over = ("--over", "bore_at_displacement=120mm,130mm", "--quantity", "throw_share")
     text = invoke("sweep", "mayekawa-wbhe", *over, *FAST)
-    assert "Friction share, %" in text
-    assert f"{100 * share:.3g}" in text  # the second bore is that of the machine
+    assert "Throw share, %" in text
+    assert percent in text  # the second bore is that of the machine
     text = invoke(
         "optimise", "mayekawa-wbhe", "--variable", "bore_at_displacement=120mm:130mm", "--objective",
-        "friction_share", *FAST, "--starts", 1, "--steps", 2, "--samples", 4,
+        "throw_share", *FAST, "--starts", 1, "--steps", 2, "--samples", 4,
     )  # fmt: skip
-    assert "lowest friction share" in text
-    assert f"{100 * share:.3g}" in text  # of the present design
-    assert "Friction power over indicated power." in invoke("list", "--quantities")
+    assert "lowest throw share" in text
+    assert percent in text  # of the present design
 
 
 def test_names_that_cannot_be_registered_are_refused(friction_share, monkeypatch):

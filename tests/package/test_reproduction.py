@@ -24,7 +24,7 @@ def turns():
     @jax.vmap
     def one(bore):
         design = with_bore(machine, bore)
-        orbit = solve_orbit(design, Collocation(nodes=10, reversals=0))
+        orbit = solve_orbit(design, Collocation(nodes=10, reversals=0, estimate=False))
         state, mechanism = orbit.state, design.mechanism
         _, slope, bend = mechanism.piston(state.angle)
         rise = slope * state.acceleration + bend * state.speed**2
@@ -179,7 +179,7 @@ def test_thrust_bearing_whose_faces_are_not_parallel():
 
 @pytest.fixture(scope="module")
 def hermetic():
-    return solve_orbit(load("hermetic-68cc"), Collocation(reversals=0))
+    return solve_orbit(load("hermetic-68cc"), Collocation(reversals=0, estimate=False))
 
 
 def test_power_at_the_shaft(hermetic):

@@ -11,6 +11,7 @@ from benchmarks.march import observed_order
 from benchmarks.march import orders as orders_of
 from benchmarks.studies import STUDIES as DEVELOPER_STUDIES
 from benchmarks.studies import refined
+from helpers import briefly_timed
 
 from jaxcomp import BadInput, Collocation, accuracy, load, solve_orbit
 from jaxcomp.crank._collocation import default_collocation
@@ -352,7 +353,8 @@ def test_grooved_bearings_of_the_rotor_agree_with_reynolds_equation():
         assert row.floor < 1e-5
 
 
-def test_derivative_of_a_film_is_that_of_finite_volumes():
+def test_derivative_of_a_film_is_that_of_finite_volumes(monkeypatch):
+    briefly_timed(monkeypatch)
     found = accuracy(load("mayekawa-wbhe"), "friction_number", "gradient")
     assert found.quantity == "d friction_number / d load_number"
     for mode in ("forward", "reverse"):

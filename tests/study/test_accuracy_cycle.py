@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from helpers import briefly_timed
 
 from jaxcomp import accuracy, load
 from jaxcomp.cli._accuracy import accuracy_tables
@@ -99,7 +100,8 @@ def test_variables_that_a_check_valve_has_not_are_left_out():
     assert variables(one) == ("gas.suction_valve.port_diameter", "mechanism.bore")
 
 
-def test_quasi_steady_values_meet_scipy_and_derivatives_are_refused():
+def test_quasi_steady_values_meet_scipy_and_derivatives_are_refused(monkeypatch):
+    briefly_timed(monkeypatch)
     settings = {(s.task, s.label): s for s in cycle_study(question(), False).settings}
     for tolerance, error in (("0.0001", 2e-3), ("1e-08", 1e-6)):  # 4e-4 and 2e-7 seen
         setting = settings["quasi-steady value", f"tolerance={tolerance}"]

@@ -42,6 +42,8 @@ from jaxcomp.study.sweep._store import status_words, stored_header
 from jaxcomp.study.sweep._summary import columns, summary
 
 RPM = np.pi / 30
+# of the sweeps over friction, which share a program
+SOLVED = ["mechanical_efficiency", "motor_power"]
 
 
 @pytest.fixture(scope="module")
@@ -92,9 +94,7 @@ def test_published_optimum_bores_are_found(machine):
         "bore_at_displacement": grid(0.1, 0.18, 9),
         "motor.mean_speed": np.array([800, 1000, 1200]) * RPM,
     }
-    found = sweep(
-        machine, over, options=AnalysisOptions(Collocation(nodes=10, reversals=0, tolerance=1e-5))
-    )
+    found = sweep(machine, over, options=sweep_runs.fast_options())
     top = best_curve(found, "mechanical_efficiency")
     np.testing.assert_allclose(top.along, [0.12, 0.13, 0.14], rtol=1e-12)
     # printed to three digits; the machine was fitted to them to 0.05 per cent points
@@ -110,9 +110,7 @@ def test_coordinates_carry_units(small):
 
 def test_failed_designs_are_marked_and_spoil_no_other(machine):
     over = {"friction.wall.coefficient": [0.083, 0.1, 40.0]}
-    found = sweep(
-        machine, over, ["mechanical_efficiency", "motor_power"], options=sweep_runs.fast_options()
-    )
+    found = sweep(machine, over, SOLVED, options=sweep_runs.fast_options())
     assert found.ok.values.tolist() == [True, True, False]
     assert status_words(found).tolist() == ["converged", "converged", "self_locking"]
     assert summary(found).failed_by_status == {"self_locking": 1}
@@ -120,9 +118,7 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
     assert np.isnan(found.mechanical_efficiency.values).tolist() == [False, False, True]
     assert np.isnan(found.motor_power.values[2])
     good = {"friction.wall.coefficient": [0.083, 0.1]}
-    alone = sweep(
-        machine, good, ["mechanical_efficiency", "motor_power"], options=sweep_runs.fast_options()
-    )
+    alone = sweep(machine, good, SOLVED, options=sweep_runs.fast_options())
     for name in alone.data_vars:
         np.testing.assert_array_equal(found[name][:2], alone[name])
 
@@ -130,7 +126,7 @@ def test_failed_designs_are_marked_and_spoil_no_other(machine):
 def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
     over = {"friction.wall.coefficient": [40.0, 50.0]}
     options = {"options": sweep_runs.fast_options(), "out": tmp_path / "out", "batch": 1}
-    found = sweep(machine, over, ["mechanical_efficiency"], **options)
+    found = sweep(machine, over, SOLVED, **options)
     assert not found.ok.values.any()
     assert len(blocks(tmp_path / "out")) == 2
     again = open_sweep(tmp_path / "out")
@@ -140,7 +136,7 @@ def test_block_of_failures_alone_is_kept_as_a_result(machine, tmp_path):
 def test_a_store_that_knows_no_status_goes_on(machine, tmp_path):
     """Those of versions before had none."""
     over = {"friction.wall.coefficient": [0.083, 40.0, 0.09]}
-    given = machine, over, ["mechanical_efficiency"]
+    given = machine, over, SOLVED
     options = {"options": sweep_runs.fast_options(), "batch": 1, "progress": False}
     new = sweep(*given, **options, out=tmp_path / "out")
     shutil.rmtree(tmp_path / "out" / "status")

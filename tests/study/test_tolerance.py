@@ -437,7 +437,7 @@ def test_parts_have_names_and_not_paths(path, words):
 
 
 def test_the_first_machines_come_alone_so_that_a_forecast_is_early(scene):
-    options = AnalysisOptions(Collocation(nodes=8, reversals=0))
+    options = AnalysisOptions(Collocation(nodes=8, reversals=0, estimate=False))
     made = problem(scene, [BORE], ["mechanical_efficiency"], options)
     width = default_width(made, jax.local_devices())
     rows = np.linspace(0.125, 0.135, 2 * width + 1)[:, None]

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from jaxcomp import BadInput, Collocation, load, solve_orbit
+from jaxcomp.compressor import loads_at
 from jaxcomp.rotor import CrankNodes, RotorModel, crankshaft_of, node_index, respond, undamped_modes
 from jaxcomp.rotor._loads import load_vector
 from jaxcomp.rotor._modes import magnetic_pull_limit
 from jaxcomp.rotor._shaft import shaft_mass
 from jaxcomp.scene import with_value
 from jaxcomp.vibration import shaking_wrench
-from jaxcomp.vibration._coupling import crank_forces, crank_loads, loaded_rotor
+from jaxcomp.vibration._coupling import crank_forces, crank_loads, loaded_rotor, without
 
 ORDERS = tuple(range(13))
 WALL = 0.08  # x of the wall's node in the file: 10 mm to the centre of inertia and 70 mm on
@@ -48,7 +49,18 @@ def harmonics(values, orbit, mechanism, orders=ORDERS):
     return (waves * np.asarray(share / jnp.sum(share))) @ np.asarray(values).T
 
 
-def test_forces_add_up_to_the_inertia_force_alone(scene, orbit):
+@eqx.filter_jit
+def with_loads(compressor, orbit):
+    """The orbit with the loads that the joints of a machine have in its motion."""
+    return eqx.tree_at(lambda o: o.loads, orbit, loads_at(compressor, orbit.state))
+
+
+def test_forces_add_up_to_the_inertia_force_alone(scene):
+    # Any motion does for a sum of forces: that of the machine without friction is found by a program of a
+    # quarter the size, and the loads on the joints are those with friction at each of its nodes.
+    smooth = without(scene.compressor, ("friction",))
+    motion = solve_orbit(smooth, Collocation(nodes=24, reversals=0, estimate=False))
+    orbit = with_loads(scene.compressor, motion)
     found = forces_of(scene, orbit)
     mechanism = scene.compressor.mechanism
     rod, gas, wall, _ = found.forces
@@ -113,8 +125,9 @@ def test_gas_and_motor_torque_turn_rotor_and_crankcase(scene, orbit):
     assert abs(block) > 1e-6
 
 
-def test_other_mechanisms_are_refused(orbit):
+def test_other_mechanisms_are_refused():
     other: Any = SimpleNamespace(mechanism=object(), crankshaft=None)
+    orbit: Any = None  # which nothing looks at
     with pytest.raises(BadInput, match="slider-crank or slider-link, but is object"):
         crank_forces(other, orbit, CrankNodes(21, "head", "wall"))
 

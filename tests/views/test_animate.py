@@ -21,7 +21,8 @@ from jaxcomp.rotor import Disks, Link, Mount, RotorModel, ShaftElements, Unbalan
 from jaxcomp.rotor._bodies import RigidBody
 from jaxcomp.scene import load, loads, start, with_value, with_values
 
-SOLVER = Collocation(nodes=10, reversals=0, tolerance=1e-8)  # compiles fast; pictures need no more
+# compiles fast; pictures need no more
+SOLVER = Collocation(nodes=10, reversals=0, tolerance=1e-8, estimate=False)
 
 
 @pytest.fixture(
@@ -221,7 +222,8 @@ def test_journals_move_in_their_clearances():
         {"type": "film", "motion": "orbit", "diameter": "90 mm", "length": "45 mm",
          "radial_clearance": "45 um", "dynamic_viscosity": "10 mPa s"},
     )  # fmt: skip
-    orbit = solve_orbit(scene, Collocation(nodes=8, reversals=0, tolerance=1e-6))
+    solver = Collocation(nodes=8, reversals=0, tolerance=1e-6, estimate=False)
+    orbit = solve_orbit(scene, solver)
     motion = journal_motion(scene.as_compressor(), orbit, frames=8)
     above = motion.figure.axes[0]
     dot = above.lines[-1]
