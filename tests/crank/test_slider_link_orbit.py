@@ -5,8 +5,6 @@ figures were computed beforehand by another integrator (RK4 in time, film journa
 formulas); they are golden values, apart from the losses that Dagilis et al. measured.
 """
 
-import dataclasses
-
 import diffrax
 import equinox as eqx
 import jax
@@ -16,6 +14,7 @@ import pytest
 from helpers import read_json
 from jax.flatten_util import ravel_pytree
 from mechanism.test_slider_link import compressor, crankshaft, machine
+from mechanism.test_slider_link_limits import film_bearings, film_friction
 from typer.testing import CliRunner
 from vibration.test_shaking import suspension
 
@@ -23,18 +22,16 @@ from jaxcomp import (
     Collocation,
     Status,
     TimeIntegration,
-    load,
     simulate,
     solve_orbit,
 )
 from jaxcomp.cli import app
-from jaxcomp.friction import CoulombSlide, SliderLinkFriction
+from jaxcomp.friction import OilPump, SliderLinkFriction, ThrustBearing
 from jaxcomp.gas import PolytropicCycle
 from jaxcomp.mechanism import SliderCrank
 from jaxcomp.motor import Kloss
 from jaxcomp.plot._crank import orbit_figures
 from jaxcomp.plot._fine import fine_turn
-from jaxcomp.scene import with_values
 from jaxcomp.vibration import (
     block_response,
     block_vibration,
@@ -50,17 +47,14 @@ ISOBUTANE = PolytropicCycle(0.6294e5, 7.620e5, 1.049, 0.02, 0.6294e5)
 R134A = PolytropicCycle(1.1484e5, 14.698e5, 1.062, 0.02, 1.1484e5)
 
 
-# The bundled machine on the closed formulas of the film, whose program is then that of the command line.
-JOURNALS = ("crank-pin", "upper_bearing", "lower_bearing")
-BUNDLED = with_values(
-    load("slider-link-8cc"), {f"bearings.{name}.film": "fit" for name in JOURNALS}
-).as_compressor()
-
-
 def household(gas=ISOBUTANE, pull_out=0.75, mu_s=0.015, **changes):
-    friction = dataclasses.replace(BUNDLED.friction, link_slider=CoulombSlide(mu_s), **changes)
-    motor = Kloss(pull_out, 0.18, 100 * np.pi)
-    return dataclasses.replace(BUNDLED, friction=friction, motor=motor, gas=gas)
+    support = film_bearings(thrust_bearing=ThrustBearing(0.095, 0.011, 0.008), pump=OilPump(8.1e-3))
+    return compressor(
+        friction=film_friction(mu_c=0.08, mu_s=mu_s, **changes),
+        shaft=crankshaft(main_journal=support),
+        motor=Kloss(pull_out, 0.18, 100 * np.pi),
+        gas=gas,
+    )
 
 
 def bare(linkage=None, friction=None):
@@ -193,13 +187,14 @@ def test_vibration_of_the_block_is_a_result_of_its_points(isobutane):
 
 def test_command_line_reports_vibration_and_losses():
     """The bundled machine on its springs; the closed formulas of the film share compiled programs."""
-    sets = [x for name in JOURNALS for x in ("--set", f"bearings.{name}.film=fit")]
+    journals = ("crank-pin", "upper_bearing", "lower_bearing")
+    sets = [x for name in journals for x in ("--set", f"bearings.{name}.film=fit")]
     result = CliRunner().invoke(app, ["run", "slider-link-8cc", "--json", *sets])
     assert result.exit_code == 0, result.stderr
     found = read_json(result.stdout)
     assert found["solver"] == "collocation"  # the default for this mechanism
     assert abs(found["energy_residual"]) < 1e-10
-    joints = {name.replace("-", "_") for name in JOURNALS}
+    joints = {name.replace("-", "_") for name in journals}
     names = {"wall", "link_slider", *joints, "thrust_bearing", "pump", "piston_film"}
     named = {name for name, loss in found["losses"].items() if loss > 0}
     assert named == names
