@@ -7,6 +7,9 @@ the settings of JAX, the flags of XLA, and by what a compiled program depends on
 (`jaxcomp._core.programs`), the sources of this package among it. Of a program that is too large to be
 loaded, what was traced is kept by `jax.export`, which saves the half of the time that tracing takes.
 
+A program is compiled without XLA's optimisations first, as commands compile theirs, in half of the time,
+and with them once its calls have taken longer than that costs. The numbers of both differ by rounding.
+
 Programs are written down and read by documented functions of JAX, none of which is replaced.
 
 Arguments with classes or functions of other packages are traced every time, since their code may have
@@ -18,9 +21,9 @@ import contextlib
 import functools
 import hashlib
 import io
-import os
 import pickle
 import re
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FunctionType
@@ -36,11 +39,15 @@ from jax.experimental import serialize_executable
 from . import programs
 from .errors import BadInput
 from .fields import is_traced, strongly_typed
-from .precision import single_precision
+from .precision import flags_with, quick_options, single_precision
 from .progress import count_loaded
 
 # Whether programs of whole solutions are kept where all others are.
 enabled = True
+
+# [s] A quickly compiled program that has run for so long is compiled again, with XLA's optimisations: a
+# program with valves takes 10 to 20 s for that and then half of the time of a call.
+_UNOPTIMISED_FOR = 20.0
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -69,6 +76,18 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
     Args:
         function: pure; what it does depends on its arguments and on the sources of this package alone.
     """
+    return _kept_jit(function, quick_options)
+
+
+def kept_optimised_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """`kept_jit` of a function that a search calls many times: optimised from the first call on."""
+    return _kept_jit(function, dict)
+
+
+def _kept_jit(
+    function: Callable[_P, _R], first_options: Callable[[], dict[str, str]]
+) -> Callable[_P, _R]:
+    """`kept_jit`, with options of XLA for the first calls."""
     compiled: Any = eqx.filter_jit(function)
     of_this_process: dict[Any, Callable | None] = {}
 
@@ -98,7 +117,7 @@ def kept_jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
             with programs.collected_rarely():
                 program = None
                 if stored:
-                    program = _program(function, template, structure)
+                    program = _program(function, template, structure, first_options())
                 of_this_process[key] = program
                 if program is None and not sees_compiles:
                     # the call below finds the program in the caches of JAX, and compiles nothing
@@ -130,43 +149,28 @@ def _hole(leaf: Any) -> _Hole | None:
     return None
 
 
-def _program(function: Callable, template: tuple, structure: Any) -> Callable[[list], Any] | None:
+def _program(
+    function: Callable, template: tuple, structure: Any, first_options: dict[str, str]
+) -> Callable[[list], Any] | None:
     """The program for arguments of one kind, kept before or compiled now; `None` if it cannot be kept."""
     flat = _Flat(function, template, structure)
     try:
         key = _pickled((function, structure.unflatten(template)), _KeyPickler)
         # an address is another one in every process, and would make each key a new one
         key = f"{hashlib.sha256(key).hexdigest()} {_ADDRESS.sub('', str(_settings()))}"
-        # flags of XLA change what it compiles, and nothing of what was traced
-        traced_path = programs.place(key)
-        compiled_path = programs.place(f"{key} {os.environ.get('XLA_FLAGS', '')}")
-        if traced_path is None or compiled_path is None:
-            return None
-        stored = _read_compiled(compiled_path)
-        if stored is None:
-            entry = programs.read(traced_path)
-            lowered = flat.lowered(entry)
-            result_template = flat.result_template
-            # refused before it is compiled, if a result has classes that cannot be written down
-            result_text = _pickled(result_template, _Pickler)
-            compiled = _compile(lowered, cached=True)
-            written = _write_compiled(compiled_path, result_text, compiled)
-            if not written and entry is None:
-                programs.write(traced_path, pickle.dumps((result_text, flat.traced())))
-        else:
-            result_template, compiled = stored
+        program = _Tiers(flat, key, first_options)
     except Exception:  # no structure that can be written down, or nothing that JAX can export
         return None
     out, out_structure = jax.tree.flatten(
-        result_template, is_leaf=lambda leaf: isinstance(leaf, _Hole)
+        flat.result_template, is_leaf=lambda leaf: isinstance(leaf, _Hole)
     )
     places = _places_of_holes(out)
 
-    def program(leaves):
+    def call(leaves):
         filled = list(out)
         numbers = [leaves[i] for i in flat.places]
         try:
-            values = compiled(*numbers)
+            values = program(*numbers)
         except ValueError:  # arrays on another device
             values = flat.jitted(*numbers)
         # what is no array in a result follows from what is part of the key
@@ -174,19 +178,97 @@ def _program(function: Callable, template: tuple, structure: Any) -> Callable[[l
             filled[place] = value
         return out_structure.unflatten(filled)
 
-    return program
+    return call
 
 
-def _compile(lowered: jax.stages.Lowered, *, cached: bool) -> jax.stages.Compiled:
+class _Tiers:
+    """A program with options of XLA at first, and without them once its calls have taken long.
+
+    Args:
+        flat: what it computes.
+        key: by which it is kept.
+        first_options: with which it is compiled sooner; none where it is to be optimised at once.
+
+    Raises:
+        Exception: it cannot be kept.
+    """
+
+    def __init__(self, flat: "_Flat", key: str, first_options: dict[str, str]):
+        self._flat = flat
+        self._key = key
+        self._seconds = 0.0  # in which the program with options ran
+        self._options: dict[str, str] = {}
+        # optimised by an earlier process, which called it often
+        program = self._stored({})
+        if program is None and first_options:
+            self._options = first_options
+            program = self._stored(first_options)
+        self._program = program or self._compiled(self._options, "")
+
+    def __call__(self, *numbers) -> list[jax.Array]:
+        if not self._options:
+            return self._program(*numbers)
+        if self._seconds > _UNOPTIMISED_FOR:
+            self._optimise()
+            return self._program(*numbers)
+        begun = time.perf_counter()
+        values = jax.block_until_ready(self._program(*numbers))
+        self._seconds += time.perf_counter() - begun
+        return values
+
+    def _optimise(self) -> None:
+        """Have the optimised program from now on; without a folder for it, go on as before."""
+        with contextlib.suppress(Exception), programs.collected_rarely():
+            purpose = "to run quicker: it has been called often"
+            self._program = self._stored({}) or self._compiled({}, purpose)
+        self._options = {}
+
+    def _place(self, flags: str = "") -> Path:
+        """Where the program is kept: compiled with flags of XLA, or what was traced of it."""
+        place = programs.place(f"{self._key} {flags}".strip())
+        if place is None:
+            raise _Refused("no folder")
+        return place
+
+    def _stored(self, options: dict[str, str]) -> Callable | None:
+        """The program compiled with these options of XLA by an earlier process."""
+        stored = _read_compiled(self._place(flags_with(options)))
+        if stored is None:
+            return None
+        self._flat.result_template, compiled = stored
+        return compiled
+
+    def _compiled(self, options: dict[str, str], purpose: str) -> Callable:
+        """The program compiled with these options of XLA, for later processes as well."""
+        entry = programs.read(self._place())
+        lowered = self._flat.lowered(entry)
+        # refused before it is compiled, if a result has classes that cannot be written down
+        result_text = _pickled(self._flat.result_template, _Pickler)
+        compiled = _compile(lowered, cached=True, options=options, purpose=purpose)
+        written = _write_compiled(self._place(flags_with(options)), result_text, compiled)
+        if not written and entry is None:
+            programs.write(self._place(), pickle.dumps((result_text, self._flat.traced())))
+        return compiled
+
+
+def _compile(
+    lowered: jax.stages.Lowered,
+    *,
+    cached: bool,
+    options: dict[str, str] | None = None,
+    purpose: str = "",
+) -> jax.stages.Compiled:
     """The compiled program, of which is told before if that takes long.
 
     Args:
         lowered: the program.
         cached: whether later processes find it compiled.
+        options: of XLA, beside the flags of the process.
+        purpose: words on what it is compiled for, where that is not the first call.
     """
     size = len(programs.text_of(lowered.compiler_ir()))
-    with programs.compiled_by_caller(size, cached):
-        return lowered.compile()
+    with programs.compiled_by_caller(size, cached, purpose):
+        return lowered.compile(compiler_options=options or None)
 
 
 def _places_of_holes(leaves: Sequence[Any]) -> list[int]:

@@ -2,8 +2,11 @@
 
 Double precision, since the balances lose too many digits in single precision, and programs that XLA
 compiles in half the time. Both can be switched off before the import: `JAXCOMP_X64=0` leaves the
-precision, `JAXCOMP_XLA_FLAGS=0` the flags of XLA as they are. With `JAXCOMP_XLA_FLAGS=quick` programs are
-compiled as commands compile theirs: sooner, and for few calls.
+precision, `JAXCOMP_XLA_FLAGS=0` the flags of XLA as they are.
+
+Without XLA's optimisations a program compiles sooner still, and runs slower. So are compiled whole
+solutions at first (`jaxcomp._core.exported`), all programs of a command that solves a machine once, and
+all programs with `JAXCOMP_XLA_FLAGS=quick`; none with `JAXCOMP_XLA_FLAGS=optimised`.
 """
 
 import os
@@ -37,6 +40,14 @@ _PASSES_OVER_LOOPS = (
     "simplify-while-loops",
 )
 
+# With these a program is compiled sooner, for few calls. Its code is one part instead of 32 that
+# processors share, which takes a tenth of the time of all of them.
+_QUICK = {
+    "xla_backend_optimization_level": "0",
+    "xla_disable_hlo_passes": ",".join(_PASSES_OVER_LOOPS),
+    "xla_cpu_parallel_codegen_split_count": "1",
+}
+
 _told: dict[str, str] = {}
 
 
@@ -52,10 +63,32 @@ def tell_xla(flag: str, value: str) -> None:
 
 def unoptimised_compiles() -> None:
     """Compile without XLA's optimisations, for programs that run once; call before JAX runs anything."""
-    tell_xla("--xla_backend_optimization_level", "0")
-    tell_xla("--xla_disable_hlo_passes", ",".join(_PASSES_OVER_LOOPS))
-    # in one part instead of 32 that processors share, which takes a tenth of the time of all of them
-    tell_xla("--xla_cpu_parallel_codegen_split_count", "1")
+    for name, value in _QUICK.items():
+        tell_xla(f"--{name}", value)
+
+
+def quick_options() -> dict[str, str]:
+    """Options of XLA with which a single program is compiled sooner than all others.
+
+    There are none where all programs are compiled so already, where the user wants XLA's optimisations at
+    once or has set their level, and where programs do not run on the processor.
+    """
+    level = "xla_backend_optimization_level"
+    # not told at all where the user has, or where a later jaxlib may not know it
+    optimises = _told.get(f"--{level}") not in (None, _QUICK[level])
+    if xla_setting() != "1" or not optimises or jax.default_backend() != "cpu":
+        return {}
+    return _QUICK
+
+
+def flags_with(options: dict[str, str]) -> str:
+    """The flags of XLA with which a program is compiled that has options of its own, in order."""
+    flags = {}
+    for flag in os.environ.get("XLA_FLAGS", "").split():
+        name, _, value = flag.partition("=")
+        flags[name.removeprefix("--")] = value
+    flags |= options
+    return " ".join(f"{name}={flags[name]}" for name in sorted(flags))
 
 
 if os.environ.get("JAXCOMP_X64", "1") != "0":

@@ -147,7 +147,7 @@ def compiled_anew() -> contextlib.AbstractContextManager[None]:
 
 
 @contextlib.contextmanager
-def compiled_by_caller(size: int, cached: bool) -> Iterator[None]:
+def compiled_by_caller(size: int, cached: bool, purpose: str = "") -> Iterator[None]:
     """Compile what the caller keeps, if anybody does; with words, and with the time counted.
 
     It is not read where it is kept by its text: jaxlib 0.9 writes down half of a program that it has
@@ -156,8 +156,9 @@ def compiled_by_caller(size: int, cached: bool) -> Iterator[None]:
     Args:
         size: [bytes] of the text of the program.
         cached: whether later processes find it compiled.
+        purpose: words on what it is compiled for, where that is not the first call.
     """
-    with _set(_by_caller), compiling(size, cached), compile_time:
+    with _set(_by_caller), compiling(size, cached, purpose), compile_time:
         yield
 
 

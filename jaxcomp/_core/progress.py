@@ -117,16 +117,17 @@ def watched() -> bool:
 
 
 @contextmanager
-def compiling(size: int, cached: bool = False) -> Iterator[None]:
+def compiling(size: int, cached: bool = False, purpose: str = "") -> Iterator[None]:
     """A program of so many bytes is compiled; say so before if that takes long.
 
     Args:
         size: [bytes] of its text.
         cached: whether later processes find it compiled.
+        purpose: words on what it is compiled for, where that is not the first call.
     """
     # the words alone are made one at a time: programs compile side by side
     with _Compiles.lock:
-        text = _words_before(size, cached)
+        text = _words_before(size, cached, purpose)
     status = _Compiles.status
     if not text or status is None:
         yield
@@ -139,7 +140,7 @@ def compiling(size: int, cached: bool = False) -> Iterator[None]:
         status.update(before)
 
 
-def _words_before(size: int, cached: bool) -> str:
+def _words_before(size: int, cached: bool, purpose: str) -> str:
     """Sentence for a program that takes long, which is told if nothing shows it; "" for others."""
     before = (_Compiles.programs, _Compiles.size)
     if size >= _COUNTED:
@@ -154,12 +155,14 @@ def _words_before(size: int, cached: bool) -> str:
     if seconds < _AFTER:
         return ""
     # what was told of all programs of the task covers this one
-    if _Compiles.total:
+    if _Compiles.total and not purpose:
         return _Compiles.total
     text, is_total = _forecast(size, seconds, before, waits)
-    if cached:
+    if purpose:
+        text += f", {purpose}"
+    elif cached:
         text += "; later starts are quicker"
-    if is_total:
+    if is_total and not purpose:
         _Compiles.total = text
     if _Compiles.status is None:
         tell(text)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .._core.display import Shown, shown
 from .._core.errors import BadInput
-from .._core.exported import kept_jit
+from .._core.exported import kept_optimised_jit
 from .._core.registry import Quantity, offered_values
 from .._core.status import Status
 from ..balancing import least_squares
@@ -391,7 +391,7 @@ def _usual_quantity(quantities: Mapping[str, Quantity]) -> str:
     return next(iter(quantities))
 
 
-@kept_jit
+@kept_optimised_jit
 def _solve(machine: Machine, quantities: tuple[Quantity, ...], options: AnalysisOptions):
     """The view of a machine, without its status in words, and what that is."""
     result = DesignResult(machine, options)

@@ -15,7 +15,7 @@ from .._core.arguments import listed_names
 from .._core.declared import Measured, with_unit
 from .._core.display import shown
 from .._core.errors import BadInput, MissingPart
-from .._core.exported import kept_jit
+from .._core.exported import kept_optimised_jit
 from .._core.results import Data
 from .._core.roots import only_of_solved
 from .._core.status import UNNAMED, Status
@@ -414,7 +414,7 @@ def _in_batches(problem: Problem, rows, batch: int) -> list[Array]:
     return [jnp.concatenate(column) for column in zip(*parts, strict=True)]
 
 
-@kept_jit
+@kept_optimised_jit
 def _answers(problem: Problem, points):
     # diffrax's checkpoints run backwards only
     backwards = getattr(problem.options.solver, "name", "") == "shooting"

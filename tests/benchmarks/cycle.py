@@ -6,6 +6,7 @@ scattered designs in one program, a capacity map. Times are processor times, the
 
 import argparse
 import operator
+import os
 import sys
 import time
 from pathlib import Path
@@ -17,6 +18,8 @@ import jax.numpy as jnp
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
+# a map is a whole solution, whose first programs are compiled sooner and run slower
+os.environ.setdefault("JAXCOMP_XLA_FLAGS", "optimised")
 from cylinder.test_cylinder import SCATTERED, SPEED, golden, mechanism
 
 import jaxcomp

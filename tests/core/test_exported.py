@@ -227,6 +227,52 @@ def test_flags_of_xla_have_a_program_of_their_own(folder, traced, monkeypatch):
     assert len(traced) == 2
 
 
+@pytest.fixture
+def quick_first(monkeypatch):
+    """Options with which programs are compiled, as in a process whose flags are the package's."""
+    compiled = []
+    compile_one = exported._compile
+
+    def telling(lowered, *, options, **named):
+        compiled.append(bool(options))
+        return compile_one(lowered, options=options, **named)
+
+    monkeypatch.setattr(exported, "_compile", telling)
+    monkeypatch.setattr(exported, "quick_options", lambda: {"xla_backend_optimization_level": "0"})
+    # another level than that of the options
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=1")
+    return compiled
+
+
+def test_a_solution_is_optimised_once_its_calls_took_long(folder, quick_first, monkeypatch):
+    rows = exported.kept_jit(legendre_columns)
+    x = jnp.asarray(X)
+    first = rows(x, 3)
+    rows(x, 3)
+    assert quick_first == [True]
+    # as if the calls so far had taken longer
+    monkeypatch.setattr(exported, "_UNOPTIMISED_FOR", 0.0)
+    for _ in range(3):
+        np.testing.assert_allclose(rows(x, 3), first, rtol=1e-14)  # a few roundings
+    assert quick_first == [True, False]
+    # a later process finds the optimised one
+    exported.kept_jit(legendre_columns)(x, 3)
+    assert quick_first == [True, False]
+
+
+def test_a_later_process_finds_the_quick_program_and_optimises_it_too(
+    folder, quick_first, monkeypatch
+):
+    x = jnp.asarray(X)
+    exported.kept_jit(legendre_columns)(x, 3)
+    later = exported.kept_jit(legendre_columns)
+    later(x, 3)
+    assert quick_first == [True]
+    monkeypatch.setattr(exported, "_UNOPTIMISED_FOR", 0.0)
+    later(x, 3)
+    assert quick_first == [True, False]
+
+
 def test_of_a_program_too_large_to_be_loaded_what_was_traced_is_kept(folder, traced, monkeypatch):
     monkeypatch.setattr(programs, "may_be_loaded", lambda text: False)
     read, deserialize = [], exported.export.deserialize

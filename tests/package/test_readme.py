@@ -419,12 +419,49 @@ def test_quick_programs_are_compiled_as_those_of_commands():
     assert of_command.stdout.split() == flags.split()
 
 
+# Whether single programs have options of their own, and whether those of commands have the same flags.
+OPTIONS = """
+import jaxcomp
+jaxcomp.load
+from jaxcomp._core.precision import flags_with, quick_options, unoptimised_compiles
+options = quick_options()
+print(bool(options))
+of_solution = flags_with(options)
+unoptimised_compiles()
+print(of_solution == flags_with(quick_options()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "quick", "as_commands"),
+    [
+        ({}, True, True),
+        ({"JAXCOMP_XLA_FLAGS": "quick"}, False, True),
+        ({"JAXCOMP_XLA_FLAGS": "optimised"}, False, False),
+        ({"JAXCOMP_XLA_FLAGS": "0"}, False, False),
+        ({"XLA_FLAGS": "--xla_backend_optimization_level=3"}, False, False),
+    ],
+    ids=str,
+)
+def test_a_solution_in_a_script_is_compiled_as_those_of_commands(settings, quick, as_commands):
+    """So that it finds theirs, unless the user has settings of his own."""
+    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
+    done = subprocess.run(
+        [sys.executable, "-c", OPTIONS],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment | settings | {"PYTHONPATH": str(ROOT)},
+    )
+    assert done.stdout.split() == [str(quick), str(as_commands)]
+
+
 def test_an_unknown_setting_of_xla_is_refused():
     environment = os.environ | {"JAXCOMP_XLA_FLAGS": "fast", "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "jaxcomp", "list"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert done.returncode == 2
-    words = "error: `JAXCOMP_XLA_FLAGS` must be 0, 1 or quick, but is fast.\n"
+    words = "error: `JAXCOMP_XLA_FLAGS` must be 0, 1, quick or optimised, but is fast.\n"
     assert done.stderr == words
     imported = subprocess.run(
         [sys.executable, "-c", "import jaxcomp; jaxcomp.load"],

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._core.exported import kept_jit
+from ..._core.exported import kept_optimised_jit
 from .._variables import changed
 from ._measurement import Entries
 
 
-@kept_jit
+@kept_optimised_jit
 def _solve(measurement, design, variables, parameters, nuisances, point):
     """Values, slopes and status at one point; `measurement` and `variables` are static."""
 
