@@ -21,6 +21,7 @@ import contextlib
 import functools
 import hashlib
 import io
+import os
 import pickle
 import re
 import time
@@ -53,6 +54,10 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 # Packages whose versions are part of the key, as far as arguments hold anything of them.
 _KNOWN = ("jaxcomp", "jax", "jaxlib", "equinox", "numpy", "builtins", "collections", "copyreg")
+
+# A package whose programs call back into Python and cannot be kept, unless equinox leaves its checks out
+# as commands have it do.
+_CHECKED = "diffrax"
 
 # Where in memory an object lies; of a newer JAX the settings hold one, the names of mapped axes.
 _ADDRESS = re.compile(r" at 0x[0-9a-f]+")
@@ -426,7 +431,9 @@ class _Pickler(pickle.Pickler):
     def reducer_override(self, value: Any) -> Any:
         """Classes and functions are written by their names; of anything else its class is."""
         owner = value if hasattr(value, "__qualname__") else type(value)
-        if str(owner.__module__).partition(".")[0] not in _KNOWN:
+        package = str(owner.__module__).partition(".")[0]
+        unchecked = package == _CHECKED and os.environ.get("EQX_ON_ERROR") == "off"
+        if package not in _KNOWN and not unchecked:
             raise _Refused(repr(owner))
         return NotImplemented
 

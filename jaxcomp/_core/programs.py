@@ -375,7 +375,7 @@ def _build() -> str:
     from importlib.metadata import version
 
     parts = [sys.version, platform.platform(), _processor()]
-    parts += [version(name) for name in ("jax", "jaxlib", "equinox", "numpy")]
+    parts += [version(name) for name in ("jax", "jaxlib", "equinox", "diffrax", "numpy")]
     digest = hashlib.sha256("\n".join(parts).encode())
     # all sources: any of them may have been traced, and a program does not say which
     for path in sorted(_PACKAGE.rglob("*.py")):

@@ -16,6 +16,7 @@ from jaxcomp import load, optimise, problem, sensitivity
 from jaxcomp._core import exported, programs
 from jaxcomp._core.fields import admissible, clipped
 from jaxcomp._core.polynomials import legendre_columns
+from jaxcomp.crank._verify import march_options
 from jaxcomp.cylinder import solve_cycle
 from jaxcomp.gas import PolytropicCycle
 
@@ -95,6 +96,16 @@ def test_what_others_wrote_is_traced_every_time(folder, traced):
             scale = 2.0 if function is own else 1.0
             np.testing.assert_array_equal(jax.tree.leaves(found)[0], scale * given[0])
     assert not traced
+
+
+def test_methods_of_diffrax_are_known_where_they_do_not_call_back(folder, traced, monkeypatch):
+    """Their checks call back into Python, which a later process cannot find."""
+    for setting, count in (("raise", 0), ("off", 1)):
+        monkeypatch.setenv("EQX_ON_ERROR", setting)
+        for _ in range(2):
+            options = exported.kept_jit(clipped)(march_options())
+            assert options.tolerance == march_options().tolerance
+        assert len(traced) == count
 
 
 def test_within_another_program_it_is_the_function(folder, traced):
