@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 _Tree = TypeVar("_Tree")
 
 
-def filled_length(count: int, batch_size: float = np.inf) -> int:
+def filled_length(count: int, batch_size: int | float = np.inf) -> int:
     """Length of the list that stands for one of `count` speeds.
 
     Args:
@@ -32,7 +32,7 @@ def filled_length(count: int, batch_size: float = np.inf) -> int:
     return -(-batches // step) * step * int(batch_size)
 
 
-def filled(speeds: Float[Array, " n"], batch_size: float = np.inf) -> Float[np.ndarray, " m"]:
+def filled(speeds: Float[Array, " n"], batch_size: int | float = np.inf) -> Float[np.ndarray, " m"]:
     """[rad/s] The speeds with the last of them repeated up to the length of `filled_length`.
 
     Args:
