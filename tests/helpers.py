@@ -319,6 +319,12 @@ def without_drawing(patch):
     patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)
 
 
+def drawn_once(patch):
+    """Let commands draw each picture as its own file alone, and not in reports and interactive pages."""
+    patch.setattr("jaxcomp.report._page.picture_html", lambda name, picture: name)
+    patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)
+
+
 def briefly_timed(patch):
     """Let studies of accuracy take each time from one call, for tests of all else that they tell."""
     patch.setattr("jaxcomp.study.accuracy._study._WATCHED", 0.0)

@@ -6,6 +6,7 @@ side that a fixed point makes consistent. One turn is integrated over crank angl
 cut at the kinks, and closed with `scipy.optimize`. Nothing here is shared with the package.
 """
 
+import math
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -130,7 +131,7 @@ class Machine:
         """Friction moment of the main journal, opposite to the speed."""
         del theta, speed
         coefficient, diameter = self.pins.get("main_journal", (0.0, 0.0))
-        return coefficient * diameter / 2 * np.hypot(answer[9], answer[10])
+        return coefficient * diameter / 2 * math.hypot(answer[9], answer[10])
 
     def system(self, theta, speed):
         """Matrix over (alpha, Gx, Gy, beta, x; Tx, Ty, Sx, Sy, Qx, Qy, N) and the constant side."""
@@ -185,24 +186,28 @@ class Machine:
         gas = self.gas_force(theta, inward)
         constant[3] -= gas
         constant[7] += motor_torque
-        sliding = np.sign(speed) * (1.0 if inward else -1.0)
-        rod_rate = self.rod_rate(theta)
-        moment = lambda name, load: (  # noqa: E731
-            self.pins[name][0] * self.pins[name][1] / 2 * load if name in self.pins else 0.0
+        # by plain numbers: NumPy's functions of scalars would take most of the time of a turn
+        forward = float(np.sign(speed))
+        sliding = forward if inward else -forward
+        rod_rate = float(self.rod_rate(theta))
+        turning = float(np.sign(speed * (1 - rod_rate)))
+        small, big = (
+            self.pins[name][0] * self.pins[name][1] / 2 if name in self.pins else 0.0
+            for name in ("piston_pin", "crank_pin")
         )
         answer = inverse @ constant
         for _ in range(200):
-            _, _, _, _, _, tx, ty, sx, sy, _, _, n = answer
+            _, _, _, _, _, tx, ty, sx, sy, _, _, n = answer.tolist()
             wall = self.wall * abs(n)
-            on_small = swing * np.sign(speed) * moment("piston_pin", np.hypot(tx, ty))
-            on_big = np.sign(speed * (1 - rod_rate)) * moment("crank_pin", np.hypot(sx, sy))
-            on_main = np.sign(speed) * self.main_moment(theta, speed, answer)
+            on_small = swing * forward * small * math.hypot(tx, ty)
+            on_big = turning * big * math.hypot(sx, sy)
+            on_main = forward * self.main_moment(theta, speed, answer)
             right = constant.copy()
             right[3] -= sliding * wall
             right[2] += on_small + on_big
             right[7] -= on_big + on_main
             new = inverse @ right
-            done = np.max(np.abs(new - answer)) <= 1e-14 * np.max(np.abs(new))
+            done = abs(new - answer).max() <= 1e-14 * abs(new).max()
             answer = new
             if done:
                 break

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from helpers import read_json
+from helpers import drawn_once, read_json
 from typer.testing import CliRunner
 
 from jaxcomp import JournalBearing
@@ -145,7 +145,8 @@ def test_pictures_and_result(tmp_path):
 
 
 @pytest.mark.parametrize("load", ["0 N", "1e-6 N", "1e9 N"])
-def test_extreme_loads(load, tmp_path):
+def test_extreme_loads(load, tmp_path, monkeypatch):
+    drawn_once(monkeypatch)
     numbers = found("--out", str(tmp_path), load=load)
     assert 0 <= numbers["eccentricity_ratio"] <= 1
     assert 0 < numbers["minimum_film"] <= 30e-6

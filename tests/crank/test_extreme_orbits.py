@@ -139,10 +139,8 @@ def test_margin_is_that_of_the_rod_where_only_the_wall_rubs():
     """mu tan(phi) = 1 is the limit of a slider-crank in closed form; the status flips there."""
     only_wall = lambda mu: coulomb(0.0, wall=type(coulomb().friction.wall)(mu))  # noqa: E731
     limit = np.sqrt(1 - (0.05 / 0.294) ** 2) / (0.05 / 0.294)
-    below, above = (
-        solve_many([machine(friction=only_wall(limit * share))], QUICK, derivatives=True)[0][1]
-        for share in (0.999, 1.001)
-    )
+    machines = [machine(friction=only_wall(limit * share)) for share in (0.999, 1.001)]
+    (_, below), (_, above) = solve_many(machines, QUICK, derivatives=True)
     # The nodes miss the steepest rod by an angle of 1e-2 at most, its slant by half the square.
     assert float(below.margin) == pytest.approx(1e-3, abs=1e-3)
     assert status_of(below) != "self_locking"

@@ -34,9 +34,15 @@ SIZES = {
 
 
 @cache
+def registry() -> pint.UnitRegistry:
+    """One for all units: a tenth of a second goes into its definitions."""
+    return pint.UnitRegistry()
+
+
+@cache
 def exponents(unit: str) -> tuple[float, ...]:
     """Of length, mass and time in a unit."""
-    found = pint.UnitRegistry().Unit(unit).dimensionality if unit else {}
+    found = registry().Unit(unit).dimensionality if unit else {}
     return tuple(float(found.get(f"[{name}]", 0)) for name in ("length", "mass", "time"))
 
 

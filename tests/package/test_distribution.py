@@ -1,5 +1,6 @@
 """No test ends the run of the others, whatever it does to its process."""
 
+import os
 import shlex
 import subprocess
 import sys
@@ -43,8 +44,15 @@ def test_workers_that_die_do_not_end_the_others_run(tmp_path, workers):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     words = ["-m", "pytest", "-q", "-n", workers, "--dist", "loadfile", "-p", "no:cacheprovider"]
+    # the only plugin that is needed: every worker that dies is replaced by one that imports them all
+    words += ["-p", "xdist.plugin"]
     told = subprocess.run(
-        [sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, timeout=120
+        [sys.executable, *words],
+        cwd=tmp_path,
+        env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert told.returncode == 1
     assert "4 failed, 15 passed" in told.stdout

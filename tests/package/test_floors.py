@@ -45,15 +45,22 @@ EDGE = {
 }
 
 
+@cache  # several tests walk through all modules
+def _nodes_of_imports(text: str) -> list[ast.Import | ast.ImportFrom]:
+    return [
+        node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
+
+
 def _imports(path: Path, text: str):
     """(module, name or "", line) of every import, as ("film._film", "Oil", 7) or ("/numpy", "", 3)."""
     above = path.relative_to(PACKAGE).parts[:-1]
-    for node in ast.walk(ast.parse(text)):
+    for node in _nodes_of_imports(text):
         if isinstance(node, ast.Import):
             yield from ((f"/{alias.name}", "", node.lineno) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and not node.level:
+        elif not node.level:
             yield f"/{node.module}", "", node.lineno
-        elif isinstance(node, ast.ImportFrom):
+        else:
             inside = [*above[: len(above) - node.level + 1], *filter(None, [node.module])]
             yield from ((".".join(inside), alias.name, node.lineno) for alias in node.names)
 

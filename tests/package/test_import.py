@@ -20,6 +20,9 @@ for module in (jaxcomp, jaxcomp.study, jaxcomp.vibration, jaxcomp.crank):
     for name in module.__all__:
         getattr(module, name)
 assert "typer" not in sys.modules
+import jaxcomp.plot
+assert "matplotlib.figure" in sys.modules, "pictures are drawn by something else"
+assert "matplotlib.pyplot" not in sys.modules, "pictures need pyplot, which has a state of its own"
 compile_one = compiler.compile_or_get_cached
 assert type(compile_one) is type(listeners), "a function of JAX is replaced"
 assert compile_one.__module__ == "jax._src.compiler", "a function of JAX is replaced"

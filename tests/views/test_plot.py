@@ -1,8 +1,6 @@
 """Pictures: what they show, and that they leave matplotlib's state alone."""
 
 import io
-import subprocess
-import sys
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -210,11 +208,6 @@ def test_curves_close_at_both_ends():
     degrees, sine = over_turn(angle, np.sin(angle))
     assert degrees[0] < -180 < degrees[1] < degrees[-2] < 180 < degrees[-1]
     np.testing.assert_allclose(sine, np.sin(np.deg2rad(degrees)), atol=1e-12)
-
-
-def test_pictures_need_no_pyplot():
-    code = "import sys, jaxcomp.plot; sys.exit('matplotlib.pyplot' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_a_quantity_that_no_variable_moves_has_a_histogram_of_one_bar():
