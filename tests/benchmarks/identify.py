@@ -29,17 +29,20 @@ CONSTANTS = (
     "gas.suction_valve.stiffness",
     "gas.leakage.gap",
 )
+# [K] Temperatures of evaporation and condensation of the rating points.
+CONDITIONS = ((248.0, 308.0), (248.0, 328.0), (258.0, 308.0), (258.0, 328.0))
 
 
-def coverage(repetitions: int, starts: int = 1):
+def coverage(repetitions: int, starts: int = 1, conditions=CONDITIONS):
     """Names, share of repetitions whose 95 % interval holds the truth (n,), and seconds of each fit."""
     machine = machine_of(load("r600a-8cc"))
     names = [name for name in CONSTANTS if _has(machine, name)]
     truth = np.array([float(varied(machine, name).current(machine)) for name in names])
-    S, D = (x.ravel() for x in np.meshgrid([248.0, 258.0], [308.0, 328.0], indexing="ij"))
-    gas, none = np.full(4, 305.35), np.full(4, np.nan)
-    values = {name: np.ones(4) for name in ("mass_flow", "power", "discharge_temperature")}
-    points = Readings("map", S, D, gas, gas, gas, none, values)
+    evaporating, condensing = np.array(conditions).T
+    count = len(conditions)
+    gas, none = np.full(count, 305.35), np.full(count, np.nan)
+    values = {name: np.ones(count) for name in ("mass_flow", "power", "discharge_temperature")}
+    points = Readings("map", evaporating, condensing, gas, gas, gas, none, values)
     angle = np.radians(np.arange(0, 360, 5.0))
     trace = Trace("diagram", ("pressure",), angle, np.ones((1, angle.size)))
     variables = tuple(varied(machine, name) for name in names)
@@ -48,7 +51,7 @@ def coverage(repetitions: int, starts: int = 1):
     value, _ = exact(start, range(exact.count))
     rows = {name: value[np.array(exact.entries.quantity) == name] for name in [*values, "pressure"]}
     deviation = {name: 0.01 * rows[name] for name in ("mass_flow", "power")}
-    deviation["discharge_temperature"] = np.full(4, 2.0)
+    deviation["discharge_temperature"] = np.full(count, 2.0)
     deviation["pressure"] = np.full(angle.size, 0.01 * np.ptp(rows["pressure"]))
     vary = {name: (0.5 * x, 2.0 * x) for name, x in zip(names, truth, strict=True)}
     vary["motor.losses.efficiency"] = (0.7, 1.2)

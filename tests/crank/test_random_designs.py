@@ -183,7 +183,10 @@ ORDINARY = {("slider_crank", "mean_speed", 50)}
 
 
 # In one piece these take more than a minute.
-HALVES = {("slider_link", "constant_torque", 500): {"first": slice(250), "second": slice(250, 500)}}
+HALVES = {
+    ("slider_link", motor, 500): {"first": slice(250), "second": slice(250, 500)}
+    for motor in ("constant_torque", "slip_line")
+}
 
 
 def parameters():

@@ -130,7 +130,8 @@ def test_work_of_a_kilogram_is_least_with_the_smaller_ratio_in_the_second_stage(
     scene = load(NAME)
     works = []
     ratios = []
-    for bore in (155, 165, 175, 185):
+    # below 163 mm the valves have more events than the smallest program of the cycle has room for
+    for bore in (163, 165, 175, 185):
         orbit = solve_orbit(with_values(scene, {"mechanism.bore": ["260 mm", f"{bore} mm"]}))
         works.append(float(orbit.motor_power / orbit.cycle.mass_flow))
         between = float(orbit.cycle.interstage_pressures[0])
