@@ -229,13 +229,6 @@ LONGER = {
     if not is_cheap(line) and not {"--dask", *NOT_SHOWN} & set(line) and line[0] != "desk"
 }
 
-# A process compressor on a perfect gas with one load step: the lines of its own page (`process.md`) have
-# its real gas with all steps, and with `--out`.
-SMALL_PROCESS = (
-    *("--set", 'gas.fluid={type = "perfect_gas", gas_constant = "518 J/kg/K", kappa = 1.3}'),
-    *("--set", 'gas.load_steps=[{name = "pockets", pockets = [1, 0, 1, 0]}]'),
-)
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "line"), LONGER.values(), ids=LONGER)
@@ -244,8 +237,6 @@ def test_longer_commands_run(page, line, tmp_path, monkeypatch):
     if line[0] == "tolerance":
         # the last one counts; of thousands nothing more is seen here
         line = [*line, "--samples", "256"]
-    elif {"--load-steps", "--out"} <= set(line):
-        line = [*line, *SMALL_PROCESS]
     run_all(page, [*files, line], tmp_path, monkeypatch)
 
 
