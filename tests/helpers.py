@@ -319,6 +319,23 @@ def without_drawing(patch):
     patch.setattr("jaxcomp.plot._interactive.interactive_page", lambda figures, title: title)
 
 
+# Several commands in one process, since imports take two seconds: pairs of changes of the environment and
+# words, as JSON. Behind what each prints stands its exit code.
+COMMANDS = """
+import json, os, sys
+from jaxcomp.__main__ import main
+
+for environment, words in json.loads(sys.argv[1]):
+    os.environ.update(environment)
+    sys.argv = ["jaxcomp", *words]
+    try:
+        code = main()
+    except SystemExit as end:
+        code = end.code
+    print("ended with", code or 0)
+"""
+
+
 def drawn_once(patch):
     """Let commands draw each picture as its own file alone, and not in reports and interactive pages."""
     patch.setattr("jaxcomp.report._page.picture_html", lambda name, picture: name)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
-from helpers import read_json
+from helpers import COMMANDS, read_json
 from typer.testing import CliRunner
 
 import jaxcomp.__main__ as program
@@ -72,25 +72,10 @@ def test_escape_sequences_do_not_reach_the_terminal(tmp_path):
         assert "\\x1b[2J" in shown.output
 
 
-# Several commands in one process, since each of them takes two seconds to import.
-COMMANDS = """
-import json, sys
-from jaxcomp.__main__ import main
-
-for words in json.loads(sys.argv[1]):
-    sys.argv = ["jaxcomp", *words]
-    try:
-        code = main()
-    except SystemExit as end:
-        code = end.code
-    print("ended with", code or 0)
-"""
-
-
 @pytest.mark.parametrize("encoding", ["ascii", pytest.param("latin-1", marks=pytest.mark.slow)])
 def test_a_terminal_need_not_be_utf_8(tmp_path, encoding):
     scene = str(renamed(tmp_path / "m.toml", "Verdichter Ω µ"))
-    lines = [["check", scene, "--json"], ["list", scene], ["list", "Ωmega"]]
+    lines = [({}, ["check", scene, "--json"]), ({}, ["list", scene]), ({}, ["list", "Ωmega"])]
     shown = started("-c", COMMANDS, json.dumps(lines), PYTHONIOENCODING=encoding)
     assert (shown.returncode, b"Traceback" in shown.stderr) == (0, False), shown.stderr
     checked = shown.stdout.partition(b"ended with")[0]

@@ -1,11 +1,13 @@
 """Settings of the process that a command cannot work with: a sentence each, or passed over."""
 
+import json
 import os
 import subprocess
 import sys
 
 import jax
 import pytest
+from helpers import COMMANDS
 
 from jaxcomp import BadInput, load, solve_orbit
 from jaxcomp._core.status import SolveFailed, Status
@@ -37,24 +39,13 @@ def test_a_platform_that_jax_has_not_is_named(platform):
 
 
 def test_a_width_that_is_none_is_passed_over():
-    # All in one process, as imports take two seconds; a program that ends without a code ends with 0.
-    code = """
-import os, sys
-from jaxcomp.__main__ import main
-for columns in ("0", "-3", "wide"):
-    for word in ("list", "--help"):
-        os.environ["COLUMNS"] = columns
-        sys.argv = ["jaxcomp", word]
-        try:
-            main()
-        except SystemExit as end:
-            assert not end.code, (columns, word, end.code)
-        print("END", word)
-"""
-    done = started("-c", code, COLUMNS="0")
+    lines = []
+    for columns in ("0", "-3", "wide"):
+        lines += [({"COLUMNS": columns}, [word]) for word in ("list", "--help")]
+    done = started("-c", COMMANDS, json.dumps(lines), COLUMNS="0")
     assert done.returncode == 0, done.stderr
-    shown = done.stdout.split("END")
-    assert len(shown) == 7
+    shown = done.stdout.split("ended with 0")
+    assert len(shown) == 7, done.stdout
     assert all("mayekawa-wbhe" in machines for machines in shown[0:6:2])
     assert all("Usage" in help_text for help_text in shown[1:6:2])
 

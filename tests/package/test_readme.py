@@ -386,11 +386,9 @@ def test_figures_in_short_stand_in_the_tables_below():
         assert figure in below, figure
 
 
-def _precision_and_flags(**settings):
-    """What a process has after the import: whether it computes in double precision, and XLA's flags."""
+def _printed(code, **settings):
+    """What a process prints that has none of the tests' settings of JAX and XLA."""
     environment = {k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS", "JAX_ENABLE_X64")}
-    code = "import jaxcomp; jaxcomp.load; import jax, os; "
-    code += "print(jax.config.jax_enable_x64, os.environ.get('XLA_FLAGS'))"
     done = subprocess.run(
         [sys.executable, "-c", code],
         capture_output=True,
@@ -398,7 +396,14 @@ def _precision_and_flags(**settings):
         check=True,
         env=environment | settings | {"PYTHONPATH": str(ROOT)},
     )
-    return done.stdout.strip().split(" ", 1)
+    return done.stdout.strip()
+
+
+def _precision_and_flags(**settings):
+    """What a process has after the import: whether it computes in double precision, and XLA's flags."""
+    code = "import jaxcomp; jaxcomp.load; import jax, os; "
+    code += "print(jax.config.jax_enable_x64, os.environ.get('XLA_FLAGS'))"
+    return _printed(code, **settings).split(" ", 1)
 
 
 def test_quick_programs_are_compiled_as_those_of_commands():
@@ -408,15 +413,7 @@ def test_quick_programs_are_compiled_as_those_of_commands():
     assert "--xla_backend_optimization_level=1" not in flags
     code = "from jaxcomp.cli._start import start_jax; start_jax(once=True); import os; "
     code += "print(os.environ['XLA_FLAGS'])"
-    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
-    of_command = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment | {"PYTHONPATH": str(ROOT)},
-    )
-    assert of_command.stdout.split() == flags.split()
+    assert _printed(code).split() == flags.split()
 
 
 # Whether single programs have options of their own, and whether those of commands have the same flags.
@@ -445,15 +442,7 @@ print(of_solution == flags_with(quick_options()))
 )
 def test_a_solution_in_a_script_is_compiled_as_those_of_commands(settings, quick, as_commands):
     """So that it finds theirs, unless the user has settings of his own."""
-    environment = {k: v for k, v in os.environ.items() if k != "XLA_FLAGS"}
-    done = subprocess.run(
-        [sys.executable, "-c", OPTIONS],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment | settings | {"PYTHONPATH": str(ROOT)},
-    )
-    assert done.stdout.split() == [str(quick), str(as_commands)]
+    assert _printed(OPTIONS, **settings).split() == [str(quick), str(as_commands)]
 
 
 def test_an_unknown_setting_of_xla_is_refused():
